@@ -1,0 +1,107 @@
+//! The parabola with elastic stretch.
+
+use nalgebra::{Matrix2x3, Vector2};
+
+use super::tension_profile::TensionProfile;
+use super::{CableModel, EndPoint};
+use crate::line::{self, LineFault, LineSolution};
+use crate::{Real, Scalar};
+
+/// Parabolic cable: its weight acts as if spread evenly over the chord, and it stretches by its
+/// mean tension.
+///
+/// With `M = F - (W/2) z` the force at mid-span and `T_m` the mean of `|F - u W z|` over `u` in
+/// `[0, 1]`, arc length and stretch of that parabola give
+///
+/// ```text
+/// (X, Z) = L M (1/T_m + 1/EA),      T_m = (S/4) (2 + (1 - c^2) ((1 - q^2) atanh(q)/q - 1))
+/// ```
+///
+/// The chord points along `M` exactly, so the force curve at a fixed pose is one-dimensional by
+/// inspection. The model follows the catenary to second order in `W/T` and is wrong by tens of
+/// percent for a slack cable; its compliance is not exactly symmetric. `1/EA = 0` and `w = 0` are
+/// regular.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parabola<T> {
+    /// Weight per rest length, N/m.
+    pub weight_n_m: T,
+    /// Reciprocal axial stiffness `1/EA`, 1/N. Zero: inextensible.
+    pub compliance_per_n: T,
+}
+
+/// Mean tension of a parabolic cable and its derivatives.
+pub(crate) struct MeanTension<T: Scalar> {
+    /// `T_m`, N.
+    pub(crate) mean_n: T,
+    /// `d T_m / dF`.
+    pub(crate) by_force: Vector2<T>,
+    /// `d T_m / dW + c/2`: what is left when `M` instead of `F` is held.
+    pub(crate) by_weight: T,
+}
+
+impl<T: Scalar> Parabola<T> {
+    /// `T_m` at the force `(Fx, Fz)` and the total weight `W`.
+    ///
+    /// `T_m = (1/W) int T dT_z` has `dT_m/dFx = Fx (2/S) atanh(q)/q`, `dT_m/dFz = c` and
+    /// `dT_m/dW = (T_A - T_m)/W`; the last cancels and is written with the tail of the series.
+    #[inline]
+    pub(crate) fn mean_tension(force_n: Vector2<T>, weight_n: T) -> MeanTension<T> {
+        let one = T::one();
+        let quarter = T::constant(0.25);
+        let p = TensionProfile::new(force_n, weight_n);
+        let sag = p.sag();
+        let c = p.slope;
+        let across = force_n.x * (p.inverse_sum + p.inverse_sum);
+        let one_minus_c2 = across * (across / p.openness());
+        // (1 - q^2)(1 + sag) - 1 = -q^2 (1 + sag - tail)
+        let bow = p.q * (one + sag - p.tail);
+        MeanTension {
+            mean_n: (T::constant(2.0) - one_minus_c2 * p.q * bow) * quarter / p.inverse_sum,
+            by_force: Vector2::new(across * (one + sag), c),
+            by_weight: one_minus_c2 * bow * quarter,
+        }
+    }
+}
+
+impl<T: Scalar> CableModel<T> for Parabola<T> {
+    #[inline]
+    fn end_point(&self, force_n: Vector2<T>, rest_length_m: T) -> EndPoint<T> {
+        let half = T::constant(0.5);
+        let weight = self.weight_n_m * rest_length_m;
+        let mean = Self::mean_tension(force_n, weight);
+        let inverse_mean = T::one() / mean.mean_n;
+        let stretch = inverse_mean + self.compliance_per_n;
+        let middle = Vector2::new(force_n.x, force_n.y - half * weight);
+        let direct = rest_length_m * stretch;
+        // d(1/T_m) = -dT_m / T_m^2
+        let turn = rest_length_m * inverse_mean * inverse_mean;
+        let (tx, tz) = (turn * mean.by_force.x, turn * mean.by_force.y);
+        // L d/dL: W grows in proportion, M loses W/2 in height and T_m gains W dT_m/dW.
+        let by_weight = (mean.by_weight - half * mean.by_force.y) * weight;
+        let per_length = stretch - by_weight * inverse_mean * inverse_mean;
+        EndPoint {
+            position_m: middle * direct,
+            jacobian: Matrix2x3::new(
+                direct - middle.x * tx, -(middle.x * tz), middle.x * per_length,
+                -(middle.y * tx), direct - middle.y * tz, middle.y * per_length - half * weight * stretch,
+            ),
+        }
+    }
+
+    fn weight_n_m(&self) -> T {
+        self.weight_n_m
+    }
+
+    fn at_deformation(&self, s: T) -> Self {
+        Self { weight_n_m: self.weight_n_m * s, compliance_per_n: self.compliance_per_n * s }
+    }
+
+    /// `M` points along the chord, so one equation for `|M|` is left
+    /// (see [`line::parabola_force`]); at most [`line::root_iteration_bound`] iterations.
+    fn force_at_length(&self, x_m: T, z_m: T, rest_length_m: T) -> Result<LineSolution<T>, LineFault>
+    where
+        T: Real,
+    {
+        line::parabola_force(self, x_m, z_m, rest_length_m)
+    }
+}

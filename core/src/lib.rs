@@ -1,0 +1,53 @@
+//! Statics and inverse kinematics of cable-driven parallel robots with six deformable cables,
+//! for the winch controller itself: `no_std`, no allocation, no panic, every loop bounded.
+//!
+//! # The problem
+//!
+//! Cable `i` leaves its winch at the **anchor** `A_i` (world frame, z up) and holds the platform at
+//! the **attachment** `B_i`. In the vertical plane through both, with `A` at the origin, `x >= 0` is
+//! the horizontal distance to `B` and `z` its height above `A`. The unknowns of a cable are its
+//! **rest length** `L` and the force `F = (Fx, Fz)` **on the cable at B**; the platform feels `-F`.
+//! Inverse kinematics: given the pose, find six rest lengths (and forces) so that
+//!
+//! ```text
+//! (X, Z)_i (F_i, L_i) = (x_i, z_i)         12 equations: each cable ends where it is attached
+//! sum_i G_i F_i + wrench = 0                6 equations: the platform is at rest
+//! ```
+//!
+//! # How it is solved
+//!
+//! For a fixed pose each cable keeps one degree of freedom: as `L` grows, `F` runs along a plane
+//! curve, the [force curve](force_curve). What is left are six curves and six equations of
+//! equilibrium, so one Newton step needs one 6x6 elimination, whatever the cable model.
+//!
+//! The modules follow the flow of data:
+//! [`scalar`] → [`geometry`] and [`wrench`] → [`cable`] models → [`line`] (one cable by itself) →
+//! [`force_curve`] → [`statics`] → [`elimination`] → [`newton`].
+//!
+//! SI units everywhere: m, N, kg, rad, s. Raw scalars carry their unit in the name.
+
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod cable;
+pub mod elimination;
+pub mod force_curve;
+pub mod geometry;
+pub mod line;
+pub mod newton;
+mod root;
+pub mod scalar;
+pub mod statics;
+pub mod wrench;
+
+pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
+pub use elimination::Elimination;
+pub use force_curve::{CableState, CurvePoint};
+pub use geometry::{Cable, CablePlane, GeometryFault, Pose, Robot};
+pub use line::{LineFault, LineSolution};
+pub use newton::{NewtonStep, StepFault};
+pub use scalar::{Real, Scalar};
+pub use wrench::{Load, Wrench};
+
+/// Number of cables. Six cables and six equations of equilibrium make the system square.
+pub const CABLES: usize = 6;

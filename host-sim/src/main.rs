@@ -1,0 +1,2 @@
+//! The command `cdpr`.
+fn main() {}
