@@ -1,1 +1,18 @@
-//! Host side.
+//! Offline inverse kinematics of cable-driven parallel robots with six deformable cables.
+//!
+//! The mathematics of a single pose lives in [`cdpr_core`]; this library adds what needs an
+//! allocator, a file system or time:
+//!
+//! [`robot_file`] (what the robot is) → [`problem`] (one pose of it) → [`rigid`] (all solutions with
+//! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back) →
+//! [`enumerate`] (the answer for one pose) → [`output`] (as text or JSON). [`cases`] reads many
+//! poses from a file, [`cli`] is the command line.
+
+pub mod cases;
+pub mod cli;
+pub mod continuation;
+pub mod enumerate;
+pub mod output;
+pub mod problem;
+pub mod rigid;
+pub mod robot_file;

@@ -1,0 +1,211 @@
+//! The command line.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::cases::{self, CasesError, Overrides};
+use crate::enumerate::{ModelKind, Request};
+use crate::output;
+use crate::robot_file::{RobotDescription, RobotFileError};
+
+/// The paper's pose with five solutions: position in m, mass in kg, linear density in kg/m.
+const FIVE_SOLUTIONS: ([f64; 3], f64, f64) = ([0.96733, 11.3833, 1.65], 10.0, 0.004);
+
+/// Inverse kinematics of cable-driven parallel robots with six deformable cables.
+///
+/// Without a command: all solutions at the paper's pose with five of them.
+#[derive(Debug, Parser)]
+#[command(name = "cdpr", version, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    enumerate: Enumerate,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Find the rest lengths of all six cables, all solutions, for a pose of the platform
+    Enumerate(Enumerate),
+}
+
+#[derive(Debug, Args)]
+struct Enumerate {
+    /// Robot file (TOML) [default: the paper's MARIONET-CRANE]
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Position of the platform origin, world frame, m
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    position: Option<[f64; 3]>,
+    /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
+    #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
+    rotation_vector: Option<[f64; 3]>,
+    /// Many poses from a file: JSON Lines or a JSON array of objects with position_m and optionally
+    /// rotation_vector_rad, mass_kg, gravity_m_s2, linear_density_kg_m, axial_stiffness_n,
+    /// max_length_m, max_tension_n
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["position", "rotation_vector"])]
+    cases: Option<PathBuf>,
+    /// Mass of the platform, kg [default: from the robot file, like all below]
+    #[arg(long, value_name = "KG", value_parser = positive, allow_hyphen_values = true)]
+    mass: Option<f64>,
+    /// Mass of the cables per rest length, kg/m
+    #[arg(long, value_name = "KG/M", value_parser = positive, allow_hyphen_values = true)]
+    linear_density: Option<f64>,
+    /// Axial stiffness EA of the cables, N
+    #[arg(long, value_name = "N", value_parser = positive, allow_hyphen_values = true)]
+    axial_stiffness: Option<f64>,
+    /// Longest rest length of a cable, m
+    #[arg(long, value_name = "M", value_parser = positive, allow_hyphen_values = true)]
+    max_length: Option<f64>,
+    /// Largest tension of a cable at either end, N
+    #[arg(long, value_name = "N", value_parser = positive, allow_hyphen_values = true)]
+    max_tension: Option<f64>,
+    /// Cable model
+    #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
+    model: ModelKind,
+    /// How to search
+    #[arg(long, value_enum, default_value_t = Method::Continuation)]
+    method: Method,
+    /// Follow every solution back to non-deformable cables as well (the inverse scheme)
+    #[arg(long)]
+    retrace: bool,
+    /// Output: tables, or JSON (one line for each case of --cases)
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// From every solution with non-deformable cables (Merlet's direct scheme)
+    Continuation,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Tables for people
+    Text,
+    /// JSON for programs
+    Json,
+}
+
+/// Why the command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// The robot file is not valid.
+    #[error(transparent)]
+    Robot(#[from] RobotFileError),
+    /// The file of cases is not valid.
+    #[error(transparent)]
+    Cases(#[from] CasesError),
+    /// The pose cannot be asked for.
+    #[error("--position: {0}")]
+    Pose(#[from] cdpr_core::GeometryFault),
+    /// There is no pose.
+    #[error("--position or --cases is needed with --robot or --rotation-vector")]
+    NoPose,
+    /// The answer could not be written.
+    #[error("writing the answer: {0}")]
+    Output(#[from] io::Error),
+}
+
+impl CliError {
+    /// Exit code: 2 for bad input, 1 for anything else.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Output(_) => 1,
+            _ => 2,
+        }
+    }
+}
+
+/// Runs the command and writes its answer to `out`. All input is read and checked before the first
+/// byte is written.
+///
+/// # Errors
+/// [`CliError`].
+pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
+    let options = match cli.command {
+        Some(Command::Enumerate(options)) => options,
+        None => cli.enumerate,
+    };
+    let Method::Continuation = options.method;
+    for request in options.requests()? {
+        let answer = request.enumerate(options.retrace)?;
+        match options.format {
+            Format::Text => writeln!(out, "{}", output::text(&request, &answer))?,
+            Format::Json => {
+                let document = output::json(&request, &answer);
+                if options.cases.is_some() {
+                    serde_json::to_writer(&mut *out, &document).map_err(io::Error::from)?;
+                } else {
+                    serde_json::to_writer_pretty(&mut *out, &document).map_err(io::Error::from)?;
+                }
+                writeln!(out)?;
+            }
+        }
+        out.flush()?; // what is done can be used while the rest is computed
+    }
+    Ok(())
+}
+
+impl Enumerate {
+    fn requests(&self) -> Result<Vec<Request>, CliError> {
+        let robot = match &self.robot {
+            Some(path) => RobotDescription::read(path)?,
+            None => RobotDescription::marionet_crane(),
+        };
+        let overrides = Overrides {
+            mass_kg: self.mass,
+            gravity_m_s2: None,
+            linear_density_kg_m: self.linear_density,
+            axial_stiffness_n: self.axial_stiffness,
+            max_length_m: self.max_length,
+            max_tension_n: self.max_tension,
+        };
+        if let Some(path) = &self.cases {
+            return Ok(cases::read(Path::new(path), &robot, overrides, self.model)?);
+        }
+        let (position_m, overrides) = match self.position {
+            Some(position) => (position, overrides),
+            None if self.robot.is_none() && self.rotation_vector.is_none() => {
+                let (position, mass, density) = FIVE_SOLUTIONS;
+                let paper = Overrides {
+                    mass_kg: Some(mass),
+                    linear_density_kg_m: Some(density),
+                    ..Overrides::default()
+                };
+                (position, overrides.or(paper))
+            }
+            None => return Err(CliError::NoPose),
+        };
+        let request = Request {
+            robot: overrides.apply(&robot),
+            position_m,
+            rotation_vector_rad: self.rotation_vector.unwrap_or_default(),
+            model: self.model,
+        };
+        request.check()?;
+        Ok(vec![request])
+    }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        Ok(_) => Err("is not finite".to_owned()),
+        Err(_) => Err(format!("'{}' is not a number", text.trim())),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value = finite(text)?;
+    if value > 0.0 { Ok(value) } else { Err("is not positive".to_owned()) }
+}
+
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers = text.split(',').map(finite).collect::<Result<Vec<_>, _>>()?;
+    numbers.try_into().map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
+}

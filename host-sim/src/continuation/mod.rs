@@ -1,0 +1,348 @@
+//! The paper's direct and inverse schemes: from non-deformable cables to deformable ones, and back.
+//!
+//! A deformation `s` in `(0, 1]` scales mass and stretch of every cable together:
+//! `mu(s) = s mu`, `1/EA(s) = s/EA`. Each rigid solution starts a path at a small `s` and is followed
+//! in `ln s`, because the rest length of a slack cable falls like `1/s`. Every step passes a
+//! Kantorovich test in force-curve coordinates before it is taken, so that a path cannot jump to
+//! another branch. Where the deformation turns around (two branches meet) the path is followed by
+//! arc length through the fold and back down, to the partner.
+
+mod path;
+mod step;
+mod system;
+
+use std::fmt;
+
+use cdpr_core::elimination::{Elimination, one_norm};
+use cdpr_core::{CABLES, CableModel, CableState};
+
+use crate::problem::Problem;
+use crate::rigid::{RigidSolution, SlackSet};
+use path::{End, Path, follow, restore_full_model};
+use step::converge;
+use system::{DEFORMATION, Point, System};
+
+pub use path::{Fold, Quantity};
+
+/// Sag and stretch of the least loaded cable, relative to its length, where paths start: small
+/// enough for the rigid solution to be a start for Newton.
+const START_DEFLECTION: f64 = 1e-2;
+/// How often the start is moved closer to the rigid solution, by this factor each time.
+const START_ATTEMPTS: usize = 8;
+const START_SHRINK: f64 = 0.1;
+/// How closely, relative to each force, a path must come back to a rigid solution to be identified
+/// with it. Two rigid solutions differ in the set of slack cables, so by far more.
+const IDENTIFIED: f64 = 0.1;
+/// Two solutions are the same when no length and no force differs by more than this part.
+const SAME: f64 = 1e-8;
+/// Steps are this many times shorter when paths are followed once more.
+const CAREFUL: f64 = 8.0;
+
+/// A solution of the inverse kinematics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// Forces and rest lengths.
+    pub states: [CableState<f64>; CABLES],
+    /// Tension at the anchor, N.
+    pub anchor_tensions_n: [f64; CABLES],
+    /// The rigid solution that it comes from.
+    pub origin: SlackSet,
+    /// Sign of the determinant of the six unit tangents, towards longer cables: true for +1.
+    pub is_positive: bool,
+    /// Condition number (1-norm) of the same matrix.
+    pub condition: f64,
+    /// Cables that hang exactly vertically on both sides of their lowest point, solved with the
+    /// simplified model.
+    pub vertical: [bool; CABLES],
+}
+
+/// Why a branch gave no solution.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BranchEnd {
+    /// It arrived at full deformation, within all limits.
+    Solution(Solution),
+    /// It arrived, but this cable is beyond its limit.
+    BeyondLimit {
+        /// The solution without regard to limits.
+        solution: Solution,
+        /// The cable, counted from 0.
+        cable: usize,
+        /// What is too large.
+        quantity: Quantity,
+    },
+    /// It met another branch in a fold, and both end there.
+    MetBranch(SlackSet),
+    /// It turned back in a fold and came down to no known rigid solution.
+    CameBackElsewhere,
+    /// It ran off to infinity before full deformation.
+    RanAway {
+        /// The cable, counted from 0.
+        cable: usize,
+        /// What grew without bound.
+        quantity: Quantity,
+        /// Where it was given up.
+        deformation: f64,
+    },
+    /// No deformation, however small, has a solution next to the rigid one that the test accepts.
+    SingularStart,
+    /// It met a singular point that is no fold.
+    Stalled {
+        /// Where.
+        deformation: f64,
+    },
+    /// Two branches arrived at one solution, even with short steps: one of them is wrong, and it is
+    /// not known which.
+    Doubtful,
+}
+
+/// What became of one rigid solution.
+#[derive(Clone, Debug)]
+pub struct Branch {
+    /// The rigid solution.
+    pub origin: SlackSet,
+    /// How it ended.
+    pub end: BranchEnd,
+    /// Folds on the way.
+    pub folds: Vec<Fold>,
+    /// Accepted steps.
+    pub steps: usize,
+    /// Largest Kantorovich number `h` of an accepted step (1/2 is the theorem's bound).
+    pub largest_h: f64,
+}
+
+impl fmt::Display for Branch {
+    /// One sentence that says how the branch ended.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let quantity = |q: &Quantity| match q {
+            Quantity::Length => "length",
+            Quantity::Tension => "tension",
+        };
+        match &self.end {
+            BranchEnd::Solution(_) => write!(f, "arrives")?,
+            BranchEnd::BeyondLimit { solution, cable, quantity: q } => {
+                let state = &solution.states[*cable];
+                let value = match q {
+                    Quantity::Length => format!("{:.3} m", state.rest_length_m),
+                    Quantity::Tension => format!(
+                        "{:.3} N",
+                        state.tension_at_attachment_n().max(solution.anchor_tensions_n[*cable])
+                    ),
+                };
+                write!(f, "arrives beyond a limit: {} of cable {} is {value}", quantity(q), cable + 1)?;
+            }
+            BranchEnd::MetBranch(partner) => {
+                write!(f, "ends in a fold with branch {partner}")?;
+            }
+            BranchEnd::CameBackElsewhere => write!(f, "turns back in a fold, to no rigid solution")?,
+            BranchEnd::RanAway { cable, quantity: q, deformation } => {
+                write!(f, "{} of cable {} grows without bound at s = {deformation:.6}", quantity(q), cable + 1)?;
+            }
+            BranchEnd::SingularStart => write!(f, "singular start: no solution beside the rigid one")?,
+            BranchEnd::Stalled { deformation } => {
+                write!(f, "singular point at s = {deformation:.6}")?;
+            }
+            BranchEnd::Doubtful => write!(f, "doubtful: two branches arrive at one solution")?,
+        }
+        for fold in &self.folds {
+            write!(f, ", fold at s = {:.8}", fold.deformation)?;
+        }
+        Ok(())
+    }
+}
+
+/// The direct scheme: follows every rigid solution to full deformation.
+pub fn direct<M: CableModel<f64>>(problem: &Problem<M>, rigid: &[RigidSolution]) -> Vec<Branch> {
+    let mut branches: Vec<Branch> =
+        rigid.iter().map(|origin| branch(problem, rigid, origin, 1.0)).collect();
+    // Two branches at one solution: a step has jumped although its test was passed.
+    for index in doubles(&branches) {
+        branches[index] = branch(problem, rigid, &rigid[index], CAREFUL);
+    }
+    for index in doubles(&branches) {
+        branches[index].end = BranchEnd::Doubtful;
+    }
+    branches
+}
+
+/// The inverse scheme: follows `solution` back to non-deformable cables and names the rigid
+/// solution it comes from, or says that there is none.
+pub fn inverse<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    rigid: &[RigidSolution],
+    solution: &Solution,
+) -> Option<SlackSet> {
+    let system = System { problem, vertical: solution.vertical };
+    let start = Point { states: solution.states, sigma: 0.0 };
+    let smallest = rigid.iter().map(|r| start_deformation(problem, r)).fold(START_DEFLECTION, f64::min);
+    let mut bottom = smallest.ln();
+    let mut path = follow(system, start, (bottom, 0.0), false, 1.0);
+    for _ in 0..START_ATTEMPTS {
+        let End::Bottom(point) = &path.end else { return None };
+        if let Some(set) = identify(problem, rigid, point) {
+            return Some(set);
+        }
+        bottom += START_SHRINK.ln();
+        let system = System { problem, vertical: path.vertical };
+        path = follow(system, point.clone(), (bottom, 0.0), false, 1.0);
+    }
+    None
+}
+
+/// Follows one rigid solution.
+fn branch<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    rigid: &[RigidSolution],
+    origin: &RigidSolution,
+    caution: f64,
+) -> Branch {
+    let Some((system, start)) = start(problem, origin) else {
+        let end = BranchEnd::SingularStart;
+        return Branch { origin: origin.slack, end, folds: Vec::new(), steps: 0, largest_h: 0.0 };
+    };
+    let bottom = start.sigma;
+    let path = follow(system, start, (bottom, 0.0), true, caution);
+    let end = match &path.end {
+        End::Top(point) => arrival(problem, origin.slack, point, &path),
+        End::Bottom(point) => come_back(problem, rigid, point, &path),
+        End::RanAway { cable, quantity, deformation } => {
+            BranchEnd::RanAway { cable: *cable, quantity: *quantity, deformation: *deformation }
+        }
+        End::Stalled { deformation } => BranchEnd::Stalled { deformation: *deformation },
+    };
+    Branch { origin: origin.slack, end, folds: path.folds, steps: path.steps, largest_h: path.largest_h }
+}
+
+/// A deformation at which sag and stretch of every cable are small against its length.
+fn start_deformation<M: CableModel<f64>>(problem: &Problem<M>, origin: &RigidSolution) -> f64 {
+    let taut = (0..CABLES).filter(|&i| !origin.slack.contains(i));
+    let bound = taut.map(|i| {
+        let plane = &problem.balance.planes()[i];
+        let distance_m = plane.distance_m();
+        let model = problem.model(i);
+        let state = CableState { force_n: origin.force_n(&problem.balance, i), rest_length_m: distance_m };
+        // Sag angle w d / T, and stretch as the model itself has it.
+        let sag = model.weight_n_m() * distance_m / origin.forces_n[i];
+        let end = model.end_point(state.force_n, distance_m).position_m;
+        let stretch = (end.norm() / distance_m - 1.0).abs();
+        START_DEFLECTION / (START_DEFLECTION + sag + stretch)
+    });
+    bound.fold(START_DEFLECTION, f64::min)
+}
+
+/// A solution at a small deformation, from the rigid one by way of the simplified vertical model.
+fn start<'a, M: CableModel<f64>>(
+    problem: &'a Problem<M>,
+    origin: &RigidSolution,
+) -> Option<(System<'a, M>, Point)> {
+    let mut deformation = start_deformation(problem, origin);
+    for _ in 0..START_ATTEMPTS {
+        let weights = std::array::from_fn(|i| problem.model(i).at_deformation(deformation).weight_n_m());
+        let mut system = System::new(problem);
+        system.vertical = std::array::from_fn(|i| origin.slack.contains(i));
+        let rigid = Point { states: origin.states(&problem.balance, &weights), sigma: deformation.ln() };
+        if let Some(mut point) = converge(&system, &rigid, DEFORMATION)
+            && departure(problem, origin, &point) < IDENTIFIED
+        {
+            restore_full_model(&mut system, &mut point);
+            let full = (0..CABLES).all(|i| !system.vertical[i] || problem.balance.planes()[i].x_m <= 0.0);
+            if full && departure(problem, origin, &point) < IDENTIFIED {
+                return Some((system, point));
+            }
+        }
+        deformation *= START_SHRINK;
+    }
+    None
+}
+
+/// Largest change of a force from the rigid solution, relative to that force.
+fn departure<M>(problem: &Problem<M>, origin: &RigidSolution, point: &Point) -> f64 {
+    let change = |i: usize| {
+        (point.states[i].force_n - origin.force_n(&problem.balance, i)).norm() / origin.forces_n[i]
+    };
+    (0..CABLES).map(change).fold(0.0, f64::max)
+}
+
+fn identify<M>(problem: &Problem<M>, rigid: &[RigidSolution], point: &Point) -> Option<SlackSet> {
+    rigid.iter().find(|r| departure(problem, r, point) < IDENTIFIED).map(|r| r.slack)
+}
+
+/// A path that went down again: which rigid solution does it lead to?
+fn come_back<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    rigid: &[RigidSolution],
+    point: &Point,
+    path: &Path,
+) -> BranchEnd {
+    let mut point = point.clone();
+    let mut vertical = path.vertical;
+    for _ in 0..START_ATTEMPTS {
+        if let Some(partner) = identify(problem, rigid, &point) {
+            return BranchEnd::MetBranch(partner);
+        }
+        let bottom = point.sigma + START_SHRINK.ln();
+        let further = follow(System { problem, vertical }, point, (bottom, 0.0), false, 1.0);
+        let End::Bottom(next) = further.end else { break };
+        vertical = further.vertical;
+        point = next;
+    }
+    BranchEnd::CameBackElsewhere
+}
+
+/// A path that reached full deformation: the solution, held against the limits.
+fn arrival<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    origin: SlackSet,
+    point: &Point,
+    path: &Path,
+) -> BranchEnd {
+    let system = System { problem, vertical: path.vertical };
+    let matrix = system.linearise(point).map(|linear| linear.tangent_matrix());
+    let Some((matrix, elimination)) = matrix.and_then(|m| Some((m, Elimination::new(&m)?))) else {
+        return BranchEnd::Stalled { deformation: 1.0 };
+    };
+    let solution = Solution {
+        states: point.states,
+        anchor_tensions_n: std::array::from_fn(|i| {
+            point.states[i].tension_at_anchor_n(problem.model(i).weight_n_m())
+        }),
+        origin,
+        is_positive: elimination.is_positive(),
+        condition: one_norm(&matrix) * one_norm(&elimination.inverse()),
+        vertical: path.vertical,
+    };
+    for (cable, limits) in problem.limits.iter().enumerate() {
+        let state = &solution.states[cable];
+        let tension_n = state.tension_at_attachment_n().max(solution.anchor_tensions_n[cable]);
+        let quantity = if state.rest_length_m > limits.max_length_m {
+            Quantity::Length
+        } else if tension_n > limits.max_tension_n {
+            Quantity::Tension
+        } else {
+            continue;
+        };
+        return BranchEnd::BeyondLimit { solution, cable, quantity };
+    }
+    BranchEnd::Solution(solution)
+}
+
+/// Indices of branches that arrive where another one does.
+fn doubles(branches: &[Branch]) -> Vec<usize> {
+    let arrived = |branch: &Branch| match &branch.end {
+        BranchEnd::Solution(solution) | BranchEnd::BeyondLimit { solution, .. } => Some(solution.states),
+        _ => None,
+    };
+    let same = |a: &[CableState<f64>; CABLES], b: &[CableState<f64>; CABLES]| {
+        a.iter().zip(b).all(|(a, b)| {
+            (a.rest_length_m / b.rest_length_m - 1.0).abs() < SAME
+                && (a.force_n - b.force_n).norm() < SAME * a.force_n.norm()
+        })
+    };
+    (0..branches.len())
+        .filter(|&i| {
+            (0..branches.len()).any(|j| {
+                i != j
+                    && matches!((arrived(&branches[i]), arrived(&branches[j])), (Some(a), Some(b)) if same(&a, &b))
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,291 @@
+//! Following a solution along the deformation, through folds, until it arrives or ends.
+
+use cdpr_core::{CABLES, CableModel, CableState};
+
+use super::step::{Kantorovich, converge, kantorovich};
+use super::system::{COORDINATES, Coordinates, DEFORMATION, Point, System};
+
+/// First step, in scaled coordinates (`sigma` is one of them).
+const FIRST_STEP: f64 = 0.1;
+/// Longest step: one e-fold of the deformation.
+const LONGEST_STEP: f64 = 1.0;
+/// A path that needs a shorter step than this has met a singular point.
+const SHORTEST_STEP: f64 = 1e-10;
+/// Contraction below which the next step is doubled.
+const EASY: f64 = 0.08;
+/// `sigma` leads as long as it has this part of the unit tangent, else the largest force does.
+const LEADING: f64 = 0.2;
+/// Bound on the steps of one path. Paths of the reference cases take 20 to 120.
+const MAX_STEPS: usize = 20_000;
+/// Bound on the folds of one path.
+const MAX_FOLDS: usize = 64;
+/// Bound on the steps that pin a fold down.
+const FOLD_STEPS: usize = 60;
+/// A fold is found when the tangent turns within this part of its unit length: the error of the
+/// deformation there is of its square.
+const FOLD_TOLERANCE: f64 = 1e-8;
+/// A path has run away when a tension, or the weight of a cable relative to that of the longest one
+/// allowed, is this many times its limit; until then it may come back.
+const RUN_AWAY: f64 = 1e3;
+/// The simplified model takes over where the horizontal force is this part of the whole.
+const NEARLY_VERTICAL: f64 = 1e-7;
+
+/// Where two branches meet and end: the deformation turns around.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fold {
+    /// Deformation `s` at the fold.
+    pub deformation: f64,
+    /// Forces and rest lengths there.
+    pub states: [CableState<f64>; CABLES],
+}
+
+/// Which limit a path has left far behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Rest length.
+    Length,
+    /// Tension.
+    Tension,
+}
+
+/// How a path ended.
+#[derive(Clone, Debug)]
+pub(super) enum End {
+    /// At the upper end of the deformation.
+    Top(Point),
+    /// At the lower end of the deformation.
+    Bottom(Point),
+    /// A quantity of a cable grew without bound.
+    RanAway { cable: usize, quantity: Quantity, deformation: f64 },
+    /// The steps became too short: a singular point that is no fold.
+    Stalled { deformation: f64 },
+}
+
+/// A path from one point, in one direction.
+#[derive(Clone, Debug)]
+pub(super) struct Path {
+    pub(super) end: End,
+    pub(super) folds: Vec<Fold>,
+    /// Cables that the simplified model still stands for at the end.
+    pub(super) vertical: [bool; CABLES],
+    pub(super) steps: usize,
+    /// Largest Kantorovich number of an accepted step.
+    pub(super) largest_h: f64,
+}
+
+/// Follows the solution `start` until `sigma` leaves `bottom..=top`, first upwards or downwards.
+/// `caution` divides the longest step: 1 is the ordinary run.
+pub(super) fn follow<M: CableModel<f64>>(
+    mut system: System<'_, M>,
+    start: Point,
+    (bottom, top): (f64, f64),
+    upwards: bool,
+    caution: f64,
+) -> Path {
+    let mut along = [0.0; COORDINATES];
+    along[DEFORMATION] = if upwards { 1.0 } else { -1.0 };
+    let mut here = start;
+    let mut length = FIRST_STEP / caution;
+    let mut path = Path {
+        end: End::Stalled { deformation: here.deformation() },
+        folds: Vec::new(),
+        vertical: system.vertical,
+        steps: 0,
+        largest_h: 0.0,
+    };
+    while path.steps < MAX_STEPS && path.folds.len() <= MAX_FOLDS {
+        path.end = End::Stalled { deformation: here.deformation() };
+        path.vertical = system.vertical;
+        if let Some(away) = run_away(&system, &here) {
+            path.end = away;
+            return path;
+        }
+        match advance(&system, &here, &along, length, (bottom, top)) {
+            Some(Advance { point, tangent, kantorovich, landed }) => {
+                path.steps += 1;
+                path.largest_h = path.largest_h.max(kantorovich.h);
+                if landed {
+                    path.end = if point.sigma >= top { End::Top(point) } else { End::Bottom(point) };
+                    return path;
+                }
+                if path.steps > 1 && tangent[DEFORMATION] * along[DEFORMATION] < 0.0 {
+                    path.folds.push(locate_fold(&system, &here, &along, &point, &tangent));
+                }
+                (here, along) = (point, tangent);
+                if kantorovich.contraction < EASY {
+                    length = (2.0 * length).min(LONGEST_STEP / caution);
+                }
+                restore_full_model(&mut system, &mut here);
+            }
+            None if length > SHORTEST_STEP => length *= 0.5,
+            None if simplify(&mut system, &mut here) => length = FIRST_STEP / caution,
+            None => return path,
+        }
+    }
+    path
+}
+
+/// An accepted step.
+struct Advance {
+    point: Point,
+    /// Unit tangent of the path, at the new point unless it landed.
+    tangent: Coordinates,
+    kantorovich: Kantorovich,
+    /// Whether the step ended exactly on a bound of `sigma`.
+    landed: bool,
+}
+
+/// One step of `length` from `here` roughly along `along`; `None` when a test refuses it.
+fn advance<M: CableModel<f64>>(
+    system: &System<'_, M>,
+    here: &Point,
+    along: &Coordinates,
+    length: f64,
+    (bottom, top): (f64, f64),
+) -> Option<Advance> {
+    let linear = system.linearise(here)?;
+    let tangent = linear.tangent(leading(along), along)?;
+    let mut held = leading(&tangent);
+    let rate = tangent[DEFORMATION];
+    let mut length = length;
+    let bound = if rate > 0.0 { top } else { bottom };
+    let landed = (here.sigma + rate * length - bound) * rate >= 0.0;
+    if landed {
+        length = (bound - here.sigma) / rate;
+        held = DEFORMATION;
+    }
+    let mut start = linear.advance(here, &tangent.map(|t| t * length), false);
+    if landed {
+        start.sigma = bound; // exactly, not but for rounding
+    }
+    let there = system.linearise(&start)?;
+    let kantorovich = kantorovich(system, &there, &start, here, held)?;
+    if !kantorovich.holds() {
+        return None;
+    }
+    let point = converge(system, &start, held)?;
+    let tangent = system.linearise(&point)?.tangent(held, &tangent).or_else(|| landed.then_some(tangent))?;
+    Some(Advance { point, tangent, kantorovich, landed })
+}
+
+/// The coordinate to hold: `sigma` unless the path has nearly turned around.
+fn leading(tangent: &Coordinates) -> usize {
+    if tangent[DEFORMATION].abs() >= LEADING {
+        return DEFORMATION;
+    }
+    (0..CABLES).max_by(|&i, &j| tangent[i].abs().total_cmp(&tangent[j].abs())).unwrap_or(DEFORMATION)
+}
+
+/// The fold between two points of a path whose tangents point to either side of it.
+///
+/// Along the leading force `c` the deformation has a maximum or minimum there, so the `sigma`
+/// component of the tangent changes its sign; the secant through the ends, kept in the bracket by
+/// the Illinois rule, finds where. If Newton fails on the way the best point so far is the answer.
+fn locate_fold<M: CableModel<f64>>(
+    system: &System<'_, M>,
+    before: &Point,
+    along_before: &Coordinates,
+    after: &Point,
+    along_after: &Coordinates,
+) -> Fold {
+    let mut best = (along_after[DEFORMATION].abs(), after.clone());
+    if along_before[DEFORMATION].abs() < best.0 {
+        best = (along_before[DEFORMATION].abs(), before.clone());
+    }
+    let mut find = || -> Option<()> {
+        let linear = system.linearise(before)?;
+        let tangent = linear.tangent(leading(along_before), along_before)?;
+        let largest = |t: &Coordinates| (0..CABLES).max_by(|&i, &j| t[i].abs().total_cmp(&t[j].abs()));
+        let held = largest(along_after)?;
+        // How far along the held force the second point lies from the first.
+        let curve = &linear.curves[held].curve;
+        let moved = (after.states[held].force_n - before.states[held].force_n).dot(&curve.tangent);
+        let whole = moved / linear.scales[held] / tangent[held];
+        let mut low = (0.0, tangent[DEFORMATION]);
+        let mut high = (whole, along_after[DEFORMATION]);
+        for _ in 0..FOLD_STEPS {
+            let length = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
+            let start = linear.advance(before, &tangent.map(|t| t * length), false);
+            let point = converge(system, &start, held)?;
+            let turn = system.linearise(&point)?.tangent(held, &tangent)?[DEFORMATION];
+            if turn.abs() < best.0 {
+                best = (turn.abs(), point);
+            }
+            if turn.abs() < FOLD_TOLERANCE {
+                break;
+            }
+            if (turn > 0.0) == (high.1 > 0.0) {
+                high = (length, turn);
+                low.1 *= 0.5;
+            } else {
+                low = high;
+                high = (length, turn);
+            }
+        }
+        Some(())
+    };
+    find();
+    Fold { deformation: best.1.deformation(), states: best.1.states }
+}
+
+/// Whether a quantity has grown so far beyond its limit that it will not come back.
+fn run_away<M: CableModel<f64>>(system: &System<'_, M>, here: &Point) -> Option<End> {
+    let deformation = here.deformation();
+    (0..CABLES).find_map(|cable| {
+        let (state, limits) = (&here.states[cable], &system.problem.limits[cable]);
+        let quantity = if state.force_n.norm() > RUN_AWAY * limits.max_tension_n {
+            Quantity::Tension
+        } else if state.rest_length_m * deformation > RUN_AWAY * limits.max_length_m {
+            Quantity::Length
+        } else {
+            return None;
+        };
+        Some(End::RanAway { cable, quantity, deformation })
+    })
+}
+
+/// Puts the full model back where the simplified one stands, one cable at a time, whenever Newton
+/// provably takes the state over.
+pub(super) fn restore_full_model<M: CableModel<f64>>(system: &mut System<'_, M>, here: &mut Point) {
+    for cable in 0..CABLES {
+        let plane = &system.problem.balance.planes()[cable];
+        if !system.vertical[cable] || plane.x_m <= 0.0 {
+            continue;
+        }
+        let model = system.problem.model(cable).at_deformation(here.deformation());
+        let Ok(line) = model.force_at_length(plane.x_m, plane.z_m, here.states[cable].rest_length_m) else {
+            continue;
+        };
+        let mut full = system.clone();
+        full.vertical[cable] = false;
+        let mut start = here.clone();
+        start.states[cable].force_n = line.force_n;
+        let restored = full.linearise(&start).and_then(|linear| {
+            let accepted = kantorovich(&full, &linear, &start, &start, DEFORMATION)?.holds();
+            if accepted { converge(&full, &start, DEFORMATION) } else { None }
+        });
+        if let Some(point) = restored {
+            *system = full;
+            *here = point;
+        }
+    }
+}
+
+/// Replaces the model of slack cables next to `Fx = 0` by the simplified one; whether any was.
+fn simplify<M: CableModel<f64>>(system: &mut System<'_, M>, here: &mut Point) -> bool {
+    let mut simple = system.clone();
+    let mut start = here.clone();
+    for (cable, state) in start.states.iter_mut().enumerate() {
+        if state.force_n.x.abs() <= NEARLY_VERTICAL * state.force_n.norm() && !simple.vertical[cable] {
+            simple.vertical[cable] = true;
+            state.force_n.x = 0.0;
+        }
+    }
+    if simple.vertical == system.vertical {
+        return false;
+    }
+    let Some(point) = converge(&simple, &start, DEFORMATION) else { return false };
+    *system = simple;
+    *here = point;
+    true
+}

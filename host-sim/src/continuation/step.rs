@@ -1,0 +1,137 @@
+//! One tested step along a path.
+
+use cdpr_core::{CABLES, CableModel, CableState};
+use nalgebra::Vector6;
+
+use super::system::{Coordinates, DEFORMATION, Linearised, Point, System};
+
+/// Largest contraction accepted: the derivative may change by this part over the tested box. One
+/// half would do (then `eta <= (1 - k) r` for `r = 2 eta`); the rest covers what lies between the
+/// sampled corners of the box.
+const MAX_CONTRACTION: f64 = 0.25;
+
+/// Smallest radius of the tested box, in scaled coordinates: a start that is exact still has to
+/// show a neighbourhood in which it is the only solution.
+const LEAST_RADIUS: f64 = 1e-7;
+
+/// Newton steps after an accepted test; contraction below 1/4 with quadratic convergence needs 5.
+const NEWTON_STEPS: usize = 12;
+
+/// Step size at which Newton has converged, in scaled coordinates.
+const CONVERGED: f64 = 1e-13;
+/// Step size that rounding may leave at a bad condition.
+const CONVERGED_TO_ROUNDING: f64 = 1e-9;
+
+/// The Kantorovich numbers of a start, in scaled force-curve coordinates and the largest-component
+/// norm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kantorovich {
+    /// `eta`: size of the first Newton step.
+    pub eta: f64,
+    /// Contraction `k`: change of the derivative over the ball of radius `2 eta`, seen through the
+    /// inverse at its centre, and over the way from the last solution to it.
+    pub contraction: f64,
+    /// `h = eta omega` with `omega = k / (2 eta)` the Lipschitz constant over the ball: at most 1/2
+    /// means that there is exactly one solution in the ball (the paper, section 3.1).
+    pub h: f64,
+}
+
+/// Tests whether Newton from `start` with coordinate `held` fixed converges to the only solution
+/// nearby, for every point between `from` and `start`.
+///
+/// The system is separable: the column of a cable depends on its own coordinate and `sigma` only.
+/// So the change of the derivative over a box of all coordinates is bounded column by column, from
+/// the curve at the corners of its own box, and at `from` for the way between. The curve turns
+/// monotonically but for one inflection with an overshoot below 0.025 rad, so the corners see what
+/// the box holds up to that; this is a test with a margin, not yet a proof in interval arithmetic.
+pub(super) fn kantorovich<M: CableModel<f64>>(
+    system: &System<'_, M>,
+    linear: &Linearised<'_, M>,
+    start: &Point,
+    from: &Point,
+    held: usize,
+) -> Option<Kantorovich> {
+    let elimination = linear.eliminate(held)?;
+    let newton = linear.newton(held, &elimination);
+    let eta = newton.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
+    let radius = (2.0 * eta).max(LEAST_RADIUS);
+    let mut row_sums = Vector6::zeros();
+    for i in 0..CABLES {
+        let mut largest = [Vector6::zeros(); 2];
+        let mut see = |state: &CableState<f64>, sigma: f64| {
+            let other = system.curve(i, state, sigma)?;
+            for (seen, largest) in linear.difference(i, &other, &elimination).iter().zip(&mut largest) {
+                *largest = largest.sup(seen);
+            }
+            Some(())
+        };
+        see(&from.states[i], from.sigma)?;
+        // A held coordinate does not move within the box.
+        let forces: &[f64] = if held == i { &[0.0] } else { &[-radius, radius] };
+        let sigmas: &[f64] = if held == DEFORMATION { &[0.0] } else { &[-radius, radius] };
+        for &force in forces {
+            for &sigma in sigmas {
+                let mut step = [0.0; CABLES + 1];
+                step[i] = force;
+                step[DEFORMATION] = sigma;
+                let corner = linear.advance(start, &step, true);
+                let mut state = corner.states[i];
+                // Back to the curve, so that the sample is a point of it.
+                let back = system.curve(i, &state, corner.sigma)?.curve;
+                state.force_n += back.correction_n;
+                state.rest_length_m += back.length_correction_m;
+                see(&state, corner.sigma)?;
+            }
+        }
+        if held != i {
+            row_sums += largest[0];
+        }
+        if held != DEFORMATION {
+            row_sums += largest[1];
+        }
+    }
+    let contraction = row_sums.max();
+    contraction.is_finite().then_some(Kantorovich {
+        eta,
+        contraction,
+        h: eta * contraction / radius,
+    })
+}
+
+impl Kantorovich {
+    /// Whether the start is accepted.
+    pub(super) fn holds(&self) -> bool {
+        self.contraction <= MAX_CONTRACTION
+    }
+}
+
+/// Newton with coordinate `held` fixed, to convergence.
+pub(super) fn converge<M: CableModel<f64>>(
+    system: &System<'_, M>,
+    start: &Point,
+    held: usize,
+) -> Option<Point> {
+    let mut point = start.clone();
+    let mut last = f64::INFINITY;
+    for _ in 0..NEWTON_STEPS {
+        let linear = system.linearise(&point)?;
+        let newton = linear.newton(held, &linear.eliminate(held)?);
+        let size = size_of_step(&linear, &point, &newton);
+        point = linear.advance(&point, &newton, true);
+        if size <= CONVERGED || (size >= 0.5 * last && size <= CONVERGED_TO_ROUNDING) {
+            return Some(point);
+        }
+        last = size;
+    }
+    None
+}
+
+/// Largest scaled change of a coordinate, or relative change on the way back to a curve.
+fn size_of_step<M: CableModel<f64>>(linear: &Linearised<'_, M>, point: &Point, step: &Coordinates) -> f64 {
+    let along = step.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
+    let back = linear.curves.iter().zip(&point.states).zip(&linear.scales).map(|((moving, state), scale)| {
+        let force = moving.curve.correction_n.amax() / scale;
+        force.max(moving.curve.length_correction_m.abs() / state.rest_length_m)
+    });
+    back.fold(along, f64::max)
+}

@@ -1,0 +1,179 @@
+//! The answer as JSON. Cables are in the order of the robot file, numbered from 1 in sets.
+
+use cdpr_core::CABLES;
+use serde::Serialize;
+
+use crate::continuation::{Branch, BranchEnd};
+use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request};
+use crate::rigid::{RigidSolution, SlackSet};
+
+/// The answer to `request` as one JSON document; lengths in m, forces (on the cable at B) in N.
+#[must_use]
+pub fn json(request: &Request, answer: &Enumeration) -> impl Serialize + use<> {
+    Document {
+        robot: request.robot.name.clone(),
+        model: request.model,
+        method: "continuation",
+        position_m: request.position_m,
+        rotation_vector_rad: request.rotation_vector_rad,
+        mass_kg: request.robot.load.mass_kg,
+        gravity_m_s2: request.robot.load.gravity_m_s2,
+        cables: std::array::from_fn(|i| {
+            let (material, limits) = (&request.robot.robot.cables()[i].model, &request.robot.limits[i]);
+            Cable {
+                linear_density_kg_m: material.linear_density_kg_m,
+                axial_stiffness_n: material.axial_stiffness_n,
+                max_length_m: limits.max_length_m,
+                max_tension_n: limits.max_tension_n,
+            }
+        }),
+        rigid: answer.rigid.solutions.iter().map(Rigid::from).collect(),
+        rigid_undecided: answer.rigid.undecided.clone(),
+        degree: Degree { rigid: answer.rigid.degree(), deformable: answer.degree() },
+        solutions: answer.solutions.iter().map(Solution::from).collect(),
+        branches: answer.branches.iter().map(BranchReport::from).collect(),
+    }
+}
+
+#[derive(Serialize)]
+struct Document {
+    robot: String,
+    model: ModelKind,
+    method: &'static str,
+    position_m: [f64; 3],
+    rotation_vector_rad: [f64; 3],
+    mass_kg: f64,
+    gravity_m_s2: f64,
+    /// Numbers that are infinite (no limit) become null.
+    cables: [Cable; CABLES],
+    rigid: Vec<Rigid>,
+    /// Slack sets on the border between solution and none.
+    rigid_undecided: Vec<SlackSet>,
+    degree: Degree,
+    solutions: Vec<Solution>,
+    branches: Vec<BranchReport>,
+}
+
+#[derive(Serialize)]
+struct Cable {
+    linear_density_kg_m: f64,
+    axial_stiffness_n: f64,
+    max_length_m: f64,
+    max_tension_n: f64,
+}
+
+#[derive(Serialize)]
+struct Rigid {
+    slack: SlackSet,
+    forces_n: [f64; CABLES],
+    det_sign: i8,
+}
+
+impl From<&RigidSolution> for Rigid {
+    fn from(solution: &RigidSolution) -> Self {
+        Self {
+            slack: solution.slack,
+            forces_n: solution.forces_n,
+            det_sign: sign(solution.is_positive),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Degree {
+    rigid: i32,
+    deformable: i32,
+}
+
+#[derive(Serialize)]
+struct Solution {
+    lengths_m: [f64; CABLES],
+    horizontal_forces_n: [f64; CABLES],
+    vertical_forces_n: [f64; CABLES],
+    anchor_tensions_n: [f64; CABLES],
+    sags_m: [f64; CABLES],
+    rigid_slack_set: SlackSet,
+    det_sign: i8,
+    condition: f64,
+    /// Cables solved with the simplified vertical model.
+    vertical_cables: Vec<usize>,
+    /// Only with `--retrace`: where the inverse scheme leads, null when to no rigid solution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    retraced_slack_set: Option<Option<SlackSet>>,
+}
+
+impl From<&FoundSolution> for Solution {
+    fn from(found: &FoundSolution) -> Self {
+        let solution = &found.solution;
+        let states = &solution.states;
+        Self {
+            lengths_m: std::array::from_fn(|i| states[i].rest_length_m),
+            horizontal_forces_n: std::array::from_fn(|i| states[i].force_n.x),
+            vertical_forces_n: std::array::from_fn(|i| states[i].force_n.y),
+            anchor_tensions_n: solution.anchor_tensions_n,
+            sags_m: found.sags_m,
+            rigid_slack_set: solution.origin,
+            det_sign: sign(solution.is_positive),
+            condition: solution.condition,
+            vertical_cables: (0..CABLES).filter(|&i| solution.vertical[i]).map(|i| i + 1).collect(),
+            retraced_slack_set: found.retraced,
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct BranchReport {
+    rigid_slack_set: SlackSet,
+    /// One of solution, beyond_limit, met_branch, came_back_elsewhere, ran_away, singular_start,
+    /// stalled, doubtful.
+    end: &'static str,
+    /// The partner, when two branches meet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    met: Option<SlackSet>,
+    message: String,
+    folds: Vec<FoldReport>,
+    steps: usize,
+    largest_kantorovich_h: f64,
+}
+
+#[derive(Serialize)]
+struct FoldReport {
+    /// Mass and compliance of the cables there, relative to those asked for.
+    deformation: f64,
+    lengths_m: [f64; CABLES],
+}
+
+impl From<&Branch> for BranchReport {
+    fn from(branch: &Branch) -> Self {
+        let (end, met) = match &branch.end {
+            BranchEnd::Solution(_) => ("solution", None),
+            BranchEnd::BeyondLimit { .. } => ("beyond_limit", None),
+            BranchEnd::MetBranch(partner) => ("met_branch", Some(*partner)),
+            BranchEnd::CameBackElsewhere => ("came_back_elsewhere", None),
+            BranchEnd::RanAway { .. } => ("ran_away", None),
+            BranchEnd::SingularStart => ("singular_start", None),
+            BranchEnd::Stalled { .. } => ("stalled", None),
+            BranchEnd::Doubtful => ("doubtful", None),
+        };
+        Self {
+            rigid_slack_set: branch.origin,
+            end,
+            met,
+            message: branch.to_string(),
+            folds: branch
+                .folds
+                .iter()
+                .map(|fold| FoldReport {
+                    deformation: fold.deformation,
+                    lengths_m: std::array::from_fn(|i| fold.states[i].rest_length_m),
+                })
+                .collect(),
+            steps: branch.steps,
+            largest_kantorovich_h: branch.largest_h,
+        }
+    }
+}
+
+fn sign(is_positive: bool) -> i8 {
+    if is_positive { 1 } else { -1 }
+}

@@ -1,0 +1,7 @@
+//! The answer for one pose, for people and for programs.
+
+mod json;
+mod text;
+
+pub use json::json;
+pub use text::text;

@@ -1,0 +1,144 @@
+//! The answer as tables for a terminal.
+
+use std::fmt::Write as _;
+
+use cdpr_core::CABLES;
+use comfy_table::{CellAlignment, Table, presets};
+
+use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request};
+
+/// The answer to `request` as text.
+#[must_use]
+pub fn text(request: &Request, answer: &Enumeration) -> String {
+    let mut out = heading(request);
+    let rigid = &answer.rigid.solutions;
+    let _ = writeln!(out, "\nNon-deformable cables: {}, degree {}", count(rigid.len()), answer.rigid.degree());
+    if !rigid.is_empty() {
+        let mut table = new_table("slack", (1..=CABLES).map(|i| format!("tau{i} [N]")).chain(["det".into()]));
+        for solution in rigid {
+            let forces = solution.forces_n.iter().map(|f| significant(*f));
+            table.add_row(
+                std::iter::once(solution.slack.to_string())
+                    .chain(forces)
+                    .chain([sign(solution.is_positive).to_owned()]),
+            );
+        }
+        let _ = writeln!(out, "{table}");
+    }
+    for slack in &answer.rigid.undecided {
+        let _ = writeln!(out, "Undecided: with slack {slack} a force is zero to rounding (border of two sets)");
+    }
+    if request.model == ModelKind::Rigid {
+        let _ = writeln!(out, "\nRest lengths, slack cables hanging vertically under their own weight");
+    } else {
+        let found = answer.solutions.len();
+        let _ = writeln!(out, "\nDeformable cables: {}, degree {}", count(found), answer.degree());
+        for branch in &answer.branches {
+            let _ = writeln!(out, "  branch {}: {branch}", branch.origin);
+        }
+    }
+    for (number, found) in answer.solutions.iter().enumerate() {
+        let _ = write!(out, "\n{}", solution_text(number + 1, found));
+    }
+    out
+}
+
+fn heading(request: &Request) -> String {
+    let robot = &request.robot;
+    let [x, y, z] = request.position_m;
+    let [a, b, c] = request.rotation_vector_rad;
+    let model = match request.model {
+        ModelKind::Irvine => "elastic catenary (Irvine)",
+        ModelKind::Elastic => "massless elastic",
+        ModelKind::Parabolic => "parabola with stretch",
+        ModelKind::Rigid => "non-deformable",
+    };
+    let same = |value: &dyn Fn(usize) -> f64| {
+        let first = value(0);
+        if (1..CABLES).all(|i| value(i).to_bits() == first.to_bits()) {
+            format!("{first}")
+        } else {
+            "by cable".to_owned()
+        }
+    };
+    let cables = robot.robot.cables();
+    format!(
+        "{} at ({x}, {y}, {z}) m, rotation vector ({a}, {b}, {c}) rad, {} kg\n\
+         cables: {model}, {} kg/m, EA {} N, at most {} m and {} N\n",
+        robot.name,
+        robot.load.mass_kg,
+        same(&|i| cables[i].model.linear_density_kg_m),
+        same(&|i| cables[i].model.axial_stiffness_n),
+        same(&|i| robot.limits[i].max_length_m),
+        same(&|i| robot.limits[i].max_tension_n),
+    )
+}
+
+fn solution_text(number: usize, found: &FoundSolution) -> String {
+    let solution = &found.solution;
+    let mut out = format!(
+        "Solution {number}, from rigid slack set {}: det {}, condition {:.4}\n",
+        solution.origin,
+        sign(solution.is_positive),
+        significant(solution.condition),
+    );
+    let columns = ["rest length [m]", "tension at A [N]", "tension at B [N]", "Fx at B [N]", "Fz at B [N]", "sag [m]"];
+    let mut table = new_table("cable", columns.map(String::from));
+    for i in 0..CABLES {
+        let state = &solution.states[i];
+        let note = if solution.vertical[i] { " (vertical)" } else { "" };
+        table.add_row([
+            format!("{}{note}", i + 1),
+            format!("{:.6}", state.rest_length_m),
+            significant(solution.anchor_tensions_n[i]),
+            significant(state.tension_at_attachment_n()),
+            significant(state.force_n.x),
+            significant(state.force_n.y),
+            significant(found.sags_m[i]),
+        ]);
+    }
+    let _ = writeln!(out, "{table}");
+    match found.retraced {
+        Some(Some(set)) => {
+            let _ = writeln!(out, "Retraced: the inverse scheme leads to rigid slack set {set}");
+        }
+        Some(None) => {
+            let _ = writeln!(out, "Retraced: the inverse scheme leads to no rigid solution");
+        }
+        None => {}
+    }
+    out
+}
+
+/// A borderless table, its first column to the left and the others to the right.
+fn new_table(first: &str, others: impl IntoIterator<Item = String>) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header(std::iter::once(first.to_owned()).chain(others));
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn count(number: usize) -> String {
+    match number {
+        0 => "no solution".to_owned(),
+        1 => "1 solution".to_owned(),
+        n => format!("{n} solutions"),
+    }
+}
+
+fn sign(is_positive: bool) -> &'static str {
+    if is_positive { "+" } else { "-" }
+}
+
+/// Six significant digits without an exponent, for the range of forces and sags.
+fn significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    #[allow(clippy::cast_possible_truncation)] // a decimal exponent
+    let digits = 5 - value.abs().log10().floor() as i32;
+    format!("{value:.0$}", usize::try_from(digits.clamp(0, 9)).unwrap_or(0))
+}
