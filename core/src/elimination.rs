@@ -32,40 +32,52 @@ impl<T: Real> Elimination<T> {
             }
         }
         let threshold = largest * T::EPSILON * T::constant(6.0);
-        let mut order = [0, 1, 2, 3, 4, 5];
-        let mut positive = true;
-        for k in 0..CABLES {
-            let mut pivot_row = k;
-            let mut pivot_size = rows[k][k].abs();
-            for i in k + 1..CABLES {
-                let size = rows[i][k].abs();
-                if size > pivot_size {
-                    pivot_row = i;
-                    pivot_size = size;
-                }
-            }
-            let regular = pivot_size > threshold && pivot_size <= T::HUGE; // false for NaN
-            if !regular {
-                return None;
-            }
-            if pivot_row != k {
-                rows.swap(k, pivot_row);
-                order.swap(k, pivot_row);
-                positive = !positive;
-            }
-            let pivot = rows[k];
-            positive = positive == (pivot[k] > T::zero());
-            let reciprocal = T::one() / pivot[k];
-            rows[k][k] = reciprocal;
-            for row in rows.iter_mut().skip(k + 1) {
-                let factor = row[k] * reciprocal;
-                row[k] = factor;
-                for j in k + 1..CABLES {
-                    row[j] -= factor * pivot[j];
-                }
+        let mut this = Self { rows, order: [0, 1, 2, 3, 4, 5], positive: true };
+        // One column each, with every loop of constant length.
+        let regular = this.eliminate::<0>(threshold)
+            && this.eliminate::<1>(threshold)
+            && this.eliminate::<2>(threshold)
+            && this.eliminate::<3>(threshold)
+            && this.eliminate::<4>(threshold)
+            && this.eliminate::<5>(threshold);
+        regular.then_some(this)
+    }
+
+    /// Brings the largest entry of column `K` to the diagonal and clears what is below; whether the
+    /// pivot is larger than `threshold`.
+    #[inline]
+    fn eliminate<const K: usize>(&mut self, threshold: T) -> bool {
+        let rows = &mut self.rows;
+        let mut pivot_size = rows[K][K].abs();
+        let mut pivot_row = K;
+        for i in K + 1..CABLES {
+            let size = rows[i][K].abs();
+            if size > pivot_size {
+                pivot_size = size;
+                pivot_row = i;
             }
         }
-        Some(Self { rows, order, positive })
+        let regular = pivot_size > threshold && pivot_size <= T::HUGE; // false for NaN
+        if !regular {
+            return false;
+        }
+        if pivot_row != K {
+            rows.swap(K, pivot_row);
+            self.order.swap(K, pivot_row);
+            self.positive = !self.positive;
+        }
+        let pivot = rows[K];
+        self.positive = self.positive == (pivot[K] > T::zero());
+        let reciprocal = T::one() / pivot[K];
+        rows[K][K] = reciprocal;
+        for row in rows.iter_mut().skip(K + 1) {
+            let factor = row[K] * reciprocal;
+            row[K] = factor;
+            for j in K + 1..CABLES {
+                row[j] -= factor * pivot[j];
+            }
+        }
+        true
     }
 
     /// Solves `A x = b`. About 36 multiplications.
@@ -74,7 +86,8 @@ impl<T: Real> Elimination<T> {
     pub fn solve(&self, right: &Vector6<T>) -> Vector6<T> {
         let mut x = [T::zero(); CABLES];
         for i in 0..CABLES {
-            let mut sum = right[self.order[i]];
+            // The order is a permutation, which the compiler cannot know; indexing could panic.
+            let mut sum = right.get(self.order[i]).copied().unwrap_or_else(T::zero);
             for j in 0..i {
                 sum -= self.rows[i][j] * x[j];
             }
@@ -131,7 +144,9 @@ mod tests {
     fn entries(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed;
         move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             #[allow(clippy::cast_precision_loss)]
             let unit = (state >> 11) as f64 / 9_007_199_254_740_992.0;
             2.0 * unit - 1.0

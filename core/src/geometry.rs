@@ -47,7 +47,9 @@ impl core::fmt::Display for GeometryFault {
                 write!(f, "cables {} and {} leave from the same anchor", i + 1, j + 1)
             }
             Self::CollinearAttachments => write!(f, "all attachments lie on one line"),
-            Self::InvalidPose => write!(f, "the pose is not finite or its quaternion not a rotation"),
+            Self::InvalidPose => {
+                write!(f, "the pose is not finite or its quaternion not a rotation")
+            }
             Self::AttachmentOnAnchor(i) => {
                 write!(f, "cable {}: at this pose the attachment lies on the anchor", i + 1)
             }
@@ -79,7 +81,11 @@ impl<T: Real, M> Robot<T, M> {
             moment_arm_sq = moment_arm_sq.max(dot(&cable.attachment_m, &cable.attachment_m));
         }
         let robot = Self { cables, moment_arm_m: moment_arm_sq.sqrt() };
-        if robot.attachments_are_collinear() { Err(GeometryFault::CollinearAttachments) } else { Ok(robot) }
+        if robot.attachments_are_collinear() {
+            Err(GeometryFault::CollinearAttachments)
+        } else {
+            Ok(robot)
+        }
     }
 
     fn attachments_are_collinear(&self) -> bool {
@@ -115,7 +121,11 @@ impl<T: Scalar, M> Robot<T, M> {
     pub fn map_models<N>(&self, map: impl Fn(usize, &M) -> N) -> Robot<T, N> {
         let cables = core::array::from_fn(|i| {
             let cable = &self.cables[i];
-            Cable { anchor_m: cable.anchor_m, attachment_m: cable.attachment_m, model: map(i, &cable.model) }
+            Cable {
+                anchor_m: cable.anchor_m,
+                attachment_m: cable.attachment_m,
+                model: map(i, &cable.model),
+            }
         });
         Robot { cables, moment_arm_m: self.moment_arm_m }
     }
@@ -134,7 +144,10 @@ impl<T: Real> Pose<T> {
     /// # Errors
     /// [`GeometryFault::InvalidPose`] when a number is not finite or the quaternion has no unit
     /// length within the square root of the rounding unit (one can be made without a check).
-    pub fn new(position_m: Vector3<T>, orientation: UnitQuaternion<T>) -> Result<Self, GeometryFault> {
+    pub fn new(
+        position_m: Vector3<T>,
+        orientation: UnitQuaternion<T>,
+    ) -> Result<Self, GeometryFault> {
         let (w, i, j, k) = {
             let q = &orientation.as_ref().coords;
             (q.w, q.x, q.y, q.z)
@@ -149,9 +162,15 @@ impl<T: Real> Pose<T> {
         let two = T::constant(2.0) / norm_sq;
         let one = T::one();
         let rotation = Matrix3::new(
-            one - two * (j * j + k * k), two * (i * j - w * k), two * (i * k + w * j),
-            two * (i * j + w * k), one - two * (i * i + k * k), two * (j * k - w * i),
-            two * (i * k - w * j), two * (j * k + w * i), one - two * (i * i + j * j),
+            one - two * (j * j + k * k),
+            two * (i * j - w * k),
+            two * (i * k + w * j),
+            two * (i * j + w * k),
+            one - two * (i * i + k * k),
+            two * (j * k - w * i),
+            two * (i * k - w * j),
+            two * (j * k + w * i),
+            one - two * (i * i + j * j),
         );
         Ok(Self { position_m, rotation })
     }
@@ -178,19 +197,25 @@ pub struct CablePlane<T: Scalar> {
     pub z_m: T,
     /// Horizontal unit vector (world x, y) from anchor to attachment.
     pub direction: Vector2<T>,
-    /// From the platform origin to the attachment, world axes, m.
-    pub lever_arm_m: Vector3<T>,
+    /// From the platform origin to the attachment, world axes, over the robot's moment arm.
+    pub lever_arm: Vector3<T>,
 }
 
 impl<T: Real> CablePlane<T> {
-    /// The plane of `cable` at `pose`. Where anchor and attachment stand exactly above each other
+    /// The plane of one of the cables of `robot` at `pose`. Where anchor and attachment stand exactly above each other
     /// any direction will do; `previous` is kept, so that a moving cable does not flip.
-    pub fn new<M>(cable: &Cable<T, M>, pose: &Pose<T>, previous: Vector2<T>) -> Self {
+    pub fn new<M>(
+        robot: &Robot<T, M>,
+        cable: &Cable<T, M>,
+        pose: &Pose<T>,
+        previous: Vector2<T>,
+    ) -> Self {
         let lever_arm_m = pose.turn(&cable.attachment_m);
         let span = pose.position_m + lever_arm_m - cable.anchor_m;
         let (x_m, _) = T::hypot_with_excess(span.x, span.y);
-        let direction = if x_m > T::zero() { Vector2::new(span.x / x_m, span.y / x_m) } else { previous };
-        Self { x_m, z_m: span.z, direction, lever_arm_m }
+        let direction =
+            if x_m > T::zero() { Vector2::new(span.x / x_m, span.y / x_m) } else { previous };
+        Self { x_m, z_m: span.z, direction, lever_arm: lever_arm_m / robot.moment_arm_m }
     }
 
     /// Straight distance from anchor to attachment, m.
@@ -218,7 +243,12 @@ mod tests {
     }
 
     const PLATFORM: [[f64; 3]; CABLES] = [
-        [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, 2.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [0.0, -1.0, 0.0],
+        [0.0, 0.0, 2.0],
+        [0.0, 0.0, 2.0],
     ];
 
     #[test]
@@ -232,7 +262,10 @@ mod tests {
         assert_eq!(Robot::new(bad), Err(GeometryFault::CoincidentAnchors(1, 4)));
         let on_a_line = core::array::from_fn(|i| [0.1 * i as f64, 0.3 * i as f64, -0.7 * i as f64]);
         assert_eq!(Robot::new(cables(on_a_line)), Err(GeometryFault::CollinearAttachments));
-        assert_eq!(Robot::new(cables([[0.5; 3]; CABLES])), Err(GeometryFault::CollinearAttachments));
+        assert_eq!(
+            Robot::new(cables([[0.5; 3]; CABLES])),
+            Err(GeometryFault::CollinearAttachments)
+        );
     }
 
     #[test]
@@ -241,16 +274,20 @@ mod tests {
         let pose = Pose::new(Vector3::new(1.0, 2.0, 3.0), q).unwrap();
         let v = Vector3::new(-0.4, 0.9, 0.1);
         assert!((pose.turn(&v) - q * v).amax() < 4.0 * f64::EPSILON);
-        assert_eq!(Pose::new(Vector3::new(f64::INFINITY, 0.0, 0.0), q), Err(GeometryFault::InvalidPose));
+        assert_eq!(
+            Pose::new(Vector3::new(f64::INFINITY, 0.0, 0.0), q),
+            Err(GeometryFault::InvalidPose)
+        );
         let not_unit = UnitQuaternion::new_unchecked(q.into_inner() * 1.1);
         assert_eq!(Pose::new(Vector3::zeros(), not_unit), Err(GeometryFault::InvalidPose));
     }
 
     #[test]
     fn exactly_vertical_cable_keeps_its_direction() {
-        let cable = Cable { anchor_m: Vector3::new(1.0, 1.0, 8.0), attachment_m: Vector3::zeros(), model: () };
-        let pose = Pose::new(Vector3::new(1.0, 1.0, 2.0), UnitQuaternion::identity()).unwrap();
-        let plane = CablePlane::new(&cable, &pose, Vector2::new(0.0, 1.0));
+        let robot = Robot::new(cables(PLATFORM)).unwrap();
+        // The first attachment, at (1, 0, 0), under the first anchor, at (0, 1, 8).
+        let pose = Pose::new(Vector3::new(-1.0, 1.0, 2.0), UnitQuaternion::identity()).unwrap();
+        let plane = CablePlane::new(&robot, &robot.cables()[0], &pose, Vector2::new(0.0, 1.0));
         assert_eq!((plane.x_m, plane.z_m), (0.0, -6.0));
         assert_eq!(plane.direction, Vector2::new(0.0, 1.0));
     }

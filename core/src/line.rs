@@ -118,7 +118,8 @@ fn polish<T: Real, M: CableModel<T>>(
         let dz = (j.m11 * gz - j.m21 * gx) / determinant;
         force_n = Vector2::new(force_n.x - dx, force_n.y - dz);
     }
-    let finite = best.residual_m < T::HUGE && best.force_n.x.is_finite() && best.force_n.y.is_finite();
+    let finite =
+        best.residual_m < T::HUGE && best.force_n.x.is_finite() && best.force_n.y.is_finite();
     if finite { Ok(best) } else { Err(LineFault::OutOfRange) }
 }
 
@@ -192,12 +193,15 @@ pub(crate) fn catenary_force<T: Real>(
         let (a, a_half_slope, a_half_curvature) = (one - c2, c2 * thin, -three * c2 * thin * thin);
         let (o, o_half_slope) = (u * (s + one) * (q * q), q * q * q);
         let o_half_curvature = -three * o_half_slope * q;
-        let b_half_curvature = across2 * (three * widen * widen - two * half_sag_curvature * per_wide);
+        let b_half_curvature =
+            across2 * (three * widen * widen - two * half_sag_curvature * per_wide);
         Taylor {
             value: a * o - across2,
             slope: two * (a_half_slope * o + a * o_half_slope + across2 * widen),
             curvature: two
-                * (a_half_curvature * o + four * a_half_slope * o_half_slope + a * o_half_curvature
+                * (a_half_curvature * o
+                    + four * a_half_slope * o_half_slope
+                    + a * o_half_curvature
                     - b_half_curvature),
         }
     };
@@ -348,7 +352,8 @@ pub fn nested_force<T: Real, M: CableModel<T>>(
     let mut evaluations = 0;
     // Fz with Z(Fx, Fz) = z: searched on the side of zero that the sign at zero tells.
     let mut height = |fx: T, guess: T| -> Option<T> {
-        let at_zero = model.end_point(Vector2::new(fx, T::zero()), rest_length_m).position_m.y - z_m;
+        let at_zero =
+            model.end_point(Vector2::new(fx, T::zero()), rest_length_m).position_m.y - z_m;
         let side = if at_zero < T::zero() { T::one() } else { -T::one() };
         let guess = if guess * side > T::zero() { guess * side } else { scale };
         let (fz, count) = monotone_root(
@@ -370,7 +375,8 @@ pub fn nested_force<T: Real, M: CableModel<T>>(
         // The limit Fx -> 0 of the height is regular; take it at a force that leaves no trace.
         let fx = T::TINY.sqrt() * T::constant(16.0);
         let fz = height(fx, scale).ok_or(LineFault::OutOfRange)?;
-        let mut solution = with_residual(model, x_m, z_m, rest_length_m, Vector2::new(fx, fz), evaluations);
+        let mut solution =
+            with_residual(model, x_m, z_m, rest_length_m, Vector2::new(fx, fz), evaluations);
         let end = model.end_point(solution.force_n, rest_length_m).position_m;
         solution.force_n.x = T::zero();
         solution.residual_m = (end.y - z_m).abs();

@@ -23,7 +23,7 @@ pub enum StepFault {
     SingularCable(usize),
     /// The six tangents do not span all wrenches: a fold, or a singular posture.
     SingularStatics,
-    /// The step would leave this cable with a rest length that is not positive.
+    /// The rest length of this cable is not positive and finite, before the step or after it.
     LengthNotPositive(usize),
 }
 
@@ -55,7 +55,7 @@ pub struct NewtonStep<T: Scalar> {
     /// Size of the step: the largest change of a force or rest length, each relative to the force
     /// or rest length of its cable. Once this is small, its square is the error that is left.
     pub relative_change: T,
-    matrix: Matrix6<T>,
+    matrix_norm: T,
     elimination: Elimination<T>,
 }
 
@@ -84,15 +84,18 @@ impl<T: Real> NewtonStep<T> {
         }; CABLES];
         for i in 0..CABLES {
             let (plane, state) = (&balance.planes()[i], &states[i]);
+            if !is_length(state.rest_length_m) {
+                return Err(StepFault::LengthNotPositive(i));
+            }
             let end = robot.cables()[i].model.end_point(state.force_n, state.rest_length_m);
             let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state)
                 .ok_or(StepFault::SingularCable(i))?;
             closure_m = closure_m
                 .max((end.position_m.x - plane.x_m).abs())
                 .max((end.position_m.y - plane.z_m).abs());
-            matrix.set_column(i, &balance.cable_wrench_n(i, &curve.tangent));
-            imbalance += balance.cable_wrench_n(i, &state.force_n);
-            right -= balance.cable_wrench_n(i, &(state.force_n + curve.correction_n));
+            matrix.set_column(i, &plane.wrench_n(&curve.tangent));
+            imbalance += plane.wrench_n(&state.force_n);
+            right -= plane.wrench_n(&(state.force_n + curve.correction_n));
             curves[i] = curve;
         }
         let elimination = Elimination::new(&matrix).ok_or(StepFault::SingularStatics)?;
@@ -102,11 +105,11 @@ impl<T: Real> NewtonStep<T> {
         for i in 0..CABLES {
             let (curve, state) = (&curves[i], &states[i]);
             let force_change = curve.correction_n + curve.tangent * advance_n[i];
-            let length_change = curve.length_correction_m + curve.length_per_force_m_n * advance_n[i];
+            let length_change =
+                curve.length_correction_m + curve.length_per_force_m_n * advance_n[i];
             next[i].force_n = state.force_n + force_change;
             next[i].rest_length_m = state.rest_length_m + length_change;
-            let positive = next[i].rest_length_m > T::zero() && next[i].rest_length_m <= T::HUGE;
-            if !positive {
+            if !is_length(next[i].rest_length_m) {
                 return Err(StepFault::LengthNotPositive(i));
             }
             if !(next[i].force_n.x.is_finite() && next[i].force_n.y.is_finite()) {
@@ -124,7 +127,7 @@ impl<T: Real> NewtonStep<T> {
             closure_m,
             imbalance_n: max_component(&imbalance),
             relative_change,
-            matrix,
+            matrix_norm: one_norm(&matrix),
             elimination,
         })
     }
@@ -135,7 +138,7 @@ impl<T: Real> NewtonStep<T> {
     /// singular posture. Exact but for rounding, at the cost of six solves.
     #[must_use]
     pub fn condition(&self) -> T {
-        one_norm(&self.matrix) * one_norm(&self.elimination.inverse())
+        self.matrix_norm * one_norm(&self.elimination.inverse())
     }
 
     /// Sign of the determinant of the matrix of tangent wrenches (tangents towards longer cables):
@@ -193,6 +196,11 @@ pub fn converge<T: Real, M: CableModel<T>>(
         states = step.states;
     }
     Err(ConvergenceFault::NotConverged { iterations: max_iterations, relative_change })
+}
+
+/// Positive and finite; false for NaN.
+fn is_length<T: Real>(length_m: T) -> bool {
+    length_m > T::zero() && length_m <= T::HUGE
 }
 
 fn max_component<T: Real>(vector: &Vector6<T>) -> T {

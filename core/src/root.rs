@@ -93,8 +93,7 @@ mod tests {
             for start in [1e-200, 1.0, 1e200] {
                 // Slope given wrongly by a factor: Newton alone would crawl or run away.
                 for slope in [1e-3, 1.0, 1e3] {
-                    let (x, evaluations) =
-                        monotone_root(line(root, slope), start, 1e-8).unwrap();
+                    let (x, evaluations) = monotone_root(line(root, slope), start, 1e-8).unwrap();
                     assert!(evaluations <= evaluation_bound::<f64>());
                     assert!((x / root - 1.0).abs() < 1e-7, "{root:e} from {start:e}: {x:e}");
                 }
@@ -112,10 +111,12 @@ mod tests {
 
     #[test]
     fn curvature_makes_it_third_order() {
-        let cube = |x: f64| Taylor { value: x * x * x - 2.0, slope: 3.0 * x * x, curvature: 6.0 * x };
+        let cube =
+            |x: f64| Taylor { value: x * x * x - 2.0, slope: 3.0 * x * x, curvature: 6.0 * x };
         let (x, evaluations) = monotone_root(cube, 2.0, 5e-6).unwrap();
         assert!((x - libm::cbrt(2.0)).abs() < 4e-16);
-        let (_, by_newton) = monotone_root(|x| Taylor { curvature: 0.0, ..cube(x) }, 2.0, 1e-8).unwrap();
+        let (_, by_newton) =
+            monotone_root(|x| Taylor { curvature: 0.0, ..cube(x) }, 2.0, 1e-8).unwrap();
         assert!(evaluations < by_newton, "{evaluations} against {by_newton}");
     }
 }

@@ -30,6 +30,7 @@ pub trait Scalar:
     fn constant(value: f64) -> Self;
 
     /// Square root of a non-negative number.
+    #[must_use]
     fn sqrt(self) -> Self;
 
     /// `(t, t - z)` with `t = sqrt(x^2 + z^2)`.
@@ -58,23 +59,29 @@ pub trait Real: Scalar + PartialOrd {
     const BISECTIONS: u32;
 
     /// Absolute value.
+    #[must_use]
     fn abs(self) -> Self;
     /// Natural logarithm of a positive number.
+    #[must_use]
     fn ln(self) -> Self;
     /// Natural logarithm to single precision, for where a search starts.
+    #[must_use]
     fn rough_ln(self) -> Self;
     /// Cube root to single precision, for where a search starts.
+    #[must_use]
     fn rough_cbrt(self) -> Self;
     /// False for infinities and NaN.
     fn is_finite(self) -> bool;
 
     /// The larger of two numbers; `other` when `self` is NaN.
+    #[must_use]
     #[inline]
     fn max(self, other: Self) -> Self {
         if self > other { self } else { other }
     }
 
     /// The smaller of two numbers; `other` when `self` is NaN.
+    #[must_use]
     #[inline]
     fn min(self, other: Self) -> Self {
         if self < other { self } else { other }
@@ -193,7 +200,8 @@ mod tests {
     fn atanh_tail_has_the_stated_accuracy() {
         for (q, complement, expected) in ATANH_TAIL {
             // What counts is the error after multiplication by q^2 and addition to 1.
-            let error = (f64::atanh_tail(q, complement) - expected) * q * q / (1.0 + q * q * expected);
+            let error =
+                (f64::atanh_tail(q, complement) - expected) * q * q / (1.0 + q * q * expected);
             assert!(error.abs() < 3.0 * f64::EPSILON, "q = {q}: {error:e}");
             #[allow(clippy::cast_possible_truncation)]
             let single = f32::atanh_tail(q as f32, complement as f32);

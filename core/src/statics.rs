@@ -14,7 +14,6 @@ use crate::{CABLES, CablePlane, GeometryFault, Load, Pose, Real, Robot, Scalar};
 pub struct Balance<T: Scalar> {
     planes: [CablePlane<T>; CABLES],
     wrench_n: Vector6<T>,
-    moment_arm_m: T,
 }
 
 impl<T: Real> Balance<T> {
@@ -25,7 +24,11 @@ impl<T: Real> Balance<T> {
     ///
     /// # Errors
     /// [`GeometryFault::AttachmentOnAnchor`].
-    pub fn at<M>(robot: &Robot<T, M>, load: &Load<T>, pose: &Pose<T>) -> Result<Self, GeometryFault> {
+    pub fn at<M>(
+        robot: &Robot<T, M>,
+        load: &Load<T>,
+        pose: &Pose<T>,
+    ) -> Result<Self, GeometryFault> {
         Self::with_directions(robot, load, pose, |_| Vector2::new(T::one(), T::zero()))
     }
 
@@ -49,15 +52,20 @@ impl<T: Real> Balance<T> {
         previous: impl Fn(usize) -> Vector2<T>,
     ) -> Result<Self, GeometryFault> {
         let cables = robot.cables();
-        let planes = core::array::from_fn(|i| CablePlane::new(&cables[i], pose, previous(i)));
-        if let Some(i) = planes.iter().position(|plane| plane.distance_m() <= T::zero()) {
+        let planes =
+            core::array::from_fn(|i| CablePlane::new(robot, &cables[i], pose, previous(i)));
+        // Closer than rounding of the coordinates can tell, the direction is noise.
+        let coordinates =
+            pose.position_m().iter().fold(robot.moment_arm_m(), |m, c| m.max(c.abs()));
+        let apart = T::constant(8.0) * T::EPSILON * coordinates;
+        if let Some(i) = planes.iter().position(|plane: &CablePlane<T>| plane.distance_m() <= apart)
+        {
             return Err(GeometryFault::AttachmentOnAnchor(i));
         }
-        let moment_arm_m = robot.moment_arm_m();
         let wrench = load.wrench(pose);
-        let (f, m) = (wrench.force_n, wrench.moment_nm / moment_arm_m);
+        let (f, m) = (wrench.force_n, wrench.moment_nm / robot.moment_arm_m());
         let wrench_n = Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
-        Ok(Self { planes, wrench_n, moment_arm_m })
+        Ok(Self { planes, wrench_n })
     }
 }
 
@@ -72,24 +80,24 @@ impl<T: Scalar> Balance<T> {
         &self.wrench_n
     }
 
-    /// `G F`: what cable `index` does to the platform when `force_n` acts on it at the attachment
-    /// (force, then moment over the moment arm, N). Linear in `force_n`.
-    #[inline]
-    pub fn cable_wrench_n(&self, index: usize, force_n: &Vector2<T>) -> Vector6<T> {
-        let plane = &self.planes[index];
-        let (fx, fy, fz) =
-            (-(force_n.x * plane.direction.x), -(force_n.x * plane.direction.y), -force_n.y);
-        let r = plane.lever_arm_m / self.moment_arm_m;
-        Vector6::new(fx, fy, fz, r.y * fz - r.z * fy, r.z * fx - r.x * fz, r.x * fy - r.y * fx)
-    }
-
     /// `sum G F + wrench`: what is left over, zero at equilibrium, N.
     pub fn residual_n(&self, forces_n: &[Vector2<T>; CABLES]) -> Vector6<T> {
         let mut sum = self.wrench_n;
-        for (i, force) in forces_n.iter().enumerate() {
-            sum += self.cable_wrench_n(i, force);
+        for (plane, force) in self.planes.iter().zip(forces_n) {
+            sum += plane.wrench_n(force);
         }
         sum
+    }
+}
+
+impl<T: Scalar> CablePlane<T> {
+    /// `G F`: what the cable does to the platform when `force_n` acts on it at the attachment
+    /// (force, then moment over the moment arm, N). Linear in `force_n`.
+    #[inline]
+    pub fn wrench_n(&self, force_n: &Vector2<T>) -> Vector6<T> {
+        let (e, r) = (&self.direction, &self.lever_arm);
+        let (fx, fy, fz) = (-(force_n.x * e.x), -(force_n.x * e.y), -force_n.y);
+        Vector6::new(fx, fy, fz, r.y * fz - r.z * fy, r.z * fx - r.x * fz, r.x * fy - r.y * fx)
     }
 }
 
@@ -124,7 +132,8 @@ mod tests {
             moment_nm: Vector3::new(-4.0, 5.0, 6.0),
         };
         let balance = Balance::at(&robot, &load, &pose).unwrap();
-        let forces: [_; CABLES] = core::array::from_fn(|i| Vector2::new(10.0 + i as f64, i as f64 - 7.0));
+        let forces: [_; CABLES] =
+            core::array::from_fn(|i| Vector2::new(10.0 + i as f64, i as f64 - 7.0));
         let residual = balance.residual_n(&forces);
 
         // The same by forces and moments about the world origin.

@@ -46,8 +46,10 @@ impl Overrides {
         changed.load.gravity_m_s2 = self.gravity_m_s2.unwrap_or(robot.load.gravity_m_s2);
         changed.robot = robot.robot.map_models(|_, material| {
             let mut material = *material;
-            material.linear_density_kg_m = self.linear_density_kg_m.unwrap_or(material.linear_density_kg_m);
-            material.axial_stiffness_n = self.axial_stiffness_n.unwrap_or(material.axial_stiffness_n);
+            material.linear_density_kg_m =
+                self.linear_density_kg_m.unwrap_or(material.linear_density_kg_m);
+            material.axial_stiffness_n =
+                self.axial_stiffness_n.unwrap_or(material.axial_stiffness_n);
             material
         });
         for limits in &mut changed.limits {
@@ -108,7 +110,9 @@ struct Case {
 impl Case {
     fn overrides(&self) -> Result<Overrides, String> {
         let positive = |value: Option<f64>, field: &str| match value {
-            Some(v) if !(v > 0.0 && v.is_finite()) => Err(format!("{field}: {v} is not positive and finite")),
+            Some(v) if !(v > 0.0 && v.is_finite()) => {
+                Err(format!("{field}: {v} is not positive and finite"))
+            }
             value => Ok(value),
         };
         Ok(Overrides {
@@ -133,12 +137,14 @@ pub fn read(
     model: ModelKind,
 ) -> Result<Vec<Request>, CasesError> {
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|source| CasesError::Read { path: name.clone(), source })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| CasesError::Read { path: name.clone(), source })?;
     parse(&text, &name)?
         .into_iter()
         .enumerate()
         .map(|(index, case)| {
-            let refuse = |message| CasesError::Case { path: name.clone(), case: index + 1, message };
+            let refuse =
+                |message| CasesError::Case { path: name.clone(), case: index + 1, message };
             let overrides = case.overrides().map_err(refuse)?.or(base);
             let request = Request {
                 robot: overrides.apply(robot),
@@ -157,8 +163,12 @@ fn parse(text: &str, path: &str) -> Result<Vec<Case>, CasesError> {
     let mut cases = Vec::new();
     if text.trim_start().starts_with('[') {
         // Element by element, so that an error can name its case.
-        let array: Vec<&serde_json::value::RawValue> = serde_json::from_str(text)
-            .map_err(|error| CasesError::Case { path: path.to_owned(), case: 1, message: error.to_string() })?;
+        let array: Vec<&serde_json::value::RawValue> =
+            serde_json::from_str(text).map_err(|error| CasesError::Case {
+                path: path.to_owned(),
+                case: 1,
+                message: error.to_string(),
+            })?;
         for element in array {
             push(&mut cases, serde_json::from_str(element.get()), path)?;
         }
@@ -170,7 +180,11 @@ fn parse(text: &str, path: &str) -> Result<Vec<Case>, CasesError> {
     Ok(cases)
 }
 
-fn push(cases: &mut Vec<Case>, case: serde_json::Result<Case>, path: &str) -> Result<(), CasesError> {
+fn push(
+    cases: &mut Vec<Case>,
+    case: serde_json::Result<Case>,
+    path: &str,
+) -> Result<(), CasesError> {
     match case {
         Ok(case) => cases.push(case),
         Err(error) => {

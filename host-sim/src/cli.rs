@@ -13,6 +13,11 @@ use crate::robot_file::{RobotDescription, RobotFileError};
 /// The paper's pose with five solutions: position in m, mass in kg, linear density in kg/m.
 const FIVE_SOLUTIONS: ([f64; 3], f64, f64) = ([0.96733, 11.3833, 1.65], 10.0, 0.004);
 
+const CASES_HELP: &str = "\
+Many poses from a file, JSON Lines or a JSON array, of objects with position_m and optionally \
+rotation_vector_rad, mass_kg, gravity_m_s2, linear_density_kg_m, axial_stiffness_n, max_length_m, \
+max_tension_n; what a case leaves out is taken from the command line, then from the robot file";
+
 /// Inverse kinematics of cable-driven parallel robots with six deformable cables.
 ///
 /// Without a command: all solutions at the paper's pose with five of them.
@@ -42,10 +47,8 @@ struct Enumerate {
     /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
     #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
     rotation_vector: Option<[f64; 3]>,
-    /// Many poses from a file: JSON Lines or a JSON array of objects with position_m and optionally
-    /// rotation_vector_rad, mass_kg, gravity_m_s2, linear_density_kg_m, axial_stiffness_n,
-    /// max_length_m, max_tension_n
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["position", "rotation_vector"])]
+    /// Many poses from a file, JSON Lines or a JSON array
+    #[arg(long, long_help = CASES_HELP, value_name = "FILE", conflicts_with_all = ["position", "rotation_vector"])]
     cases: Option<PathBuf>,
     /// Mass of the platform, kg [default: from the robot file, like all below]
     #[arg(long, value_name = "KG", value_parser = positive, allow_hyphen_values = true)]
@@ -207,5 +210,7 @@ fn positive(text: &str) -> Result<f64, String> {
 
 fn triple(text: &str) -> Result<[f64; 3], String> {
     let numbers = text.split(',').map(finite).collect::<Result<Vec<_>, _>>()?;
-    numbers.try_into().map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
+    numbers
+        .try_into()
+        .map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
 }

@@ -2,7 +2,8 @@
 
 use cdpr_core::elimination::{Elimination, one_norm};
 use cdpr_core::{
-    CABLES, CableModel, GeometryFault, IrvineCatenary, LinearElastic, NonDeformable, Parabola, Pose,
+    CABLES, CableModel, CableState, GeometryFault, IrvineCatenary, LinearElastic, NonDeformable,
+    Parabola, Pose,
 };
 use nalgebra::{Matrix6, UnitQuaternion, Vector2, Vector3};
 
@@ -43,7 +44,7 @@ pub struct Request {
 pub struct FoundSolution {
     /// The solution.
     pub solution: Solution,
-    /// Largest height of the chord above the cable, m; below its lower end for a vertical cable.
+    /// Largest height of the chord above the cable, m; of its upper end for a vertical cable.
     pub sags_m: [f64; CABLES],
     /// Where the inverse scheme leads, if it was asked for.
     pub retraced: Option<Option<SlackSet>>,
@@ -116,7 +117,8 @@ impl Request {
             })
             .map(|solution| FoundSolution {
                 sags_m: std::array::from_fn(|i| sag_m(&problem, solution, i)),
-                retraced: retrace.then(|| continuation::inverse(&problem, &rigid.solutions, solution)),
+                retraced: retrace
+                    .then(|| continuation::inverse(&problem, &rigid.solutions, solution)),
                 solution: solution.clone(),
             })
             .collect();
@@ -133,7 +135,7 @@ impl Request {
             let columns: [_; CABLES] = std::array::from_fn(|i| {
                 let towards_longer = if origin.slack.contains(i) { 1.0 } else { -1.0 };
                 let unit = origin.force_n(&hanging.balance, i) / origin.forces_n[i];
-                hanging.balance.cable_wrench_n(i, &(unit * towards_longer))
+                hanging.balance.planes()[i].wrench_n(&(unit * towards_longer))
             });
             let matrix = Matrix6::from_columns(&columns);
             let inverse = Elimination::new(&matrix)?.inverse();
@@ -153,7 +155,11 @@ impl Request {
                 vertical: slack,
             };
             let sags_m = std::array::from_fn(|i| {
-                if slack[i] { depth_of_fold_m(&states[i], weights[i], hanging.balance.planes()[i].z_m) } else { 0.0 }
+                if slack[i] {
+                    depth_m(&states[i], weights[i], hanging.balance.planes()[i].z_m)
+                } else {
+                    0.0
+                }
             });
             Some(FoundSolution { solution, sags_m, retraced: None })
         };
@@ -162,10 +168,10 @@ impl Request {
     }
 }
 
-/// How deep a vertical slack cable hangs below its lower end: `Fz` carries the part from its lowest
-/// point up to the attachment.
-fn depth_of_fold_m(state: &cdpr_core::CableState<f64>, weight_n_m: f64, z_m: f64) -> f64 {
-    state.force_n.y / weight_n_m - z_m.max(0.0)
+/// How deep a vertical slack cable hangs below its upper end, which is what the height of the chord
+/// above it tends to: `Fz` carries the part from its lowest point up to the attachment.
+fn depth_m(state: &CableState<f64>, weight_n_m: f64, z_m: f64) -> f64 {
+    state.force_n.y / weight_n_m - z_m.min(0.0)
 }
 
 /// Largest height of the chord above the cable. The cable is parallel to the chord where its tension
@@ -178,10 +184,12 @@ fn sag_m<M: CableModel<f64>>(problem: &Problem<M>, solution: &Solution, cable: u
         return 0.0;
     }
     if solution.vertical[cable] || plane.x_m <= 0.0 {
-        return depth_of_fold_m(state, weight_n_m, plane.z_m).max(0.0);
+        let hangs = state.force_n.y > 0.0 && state.force_n.y < weight_n_m * state.rest_length_m;
+        return if hangs { depth_m(state, weight_n_m, plane.z_m) } else { 0.0 };
     }
     let slope = plane.z_m / plane.x_m;
-    let beyond_n = (state.force_n.y - state.force_n.x * slope).clamp(0.0, weight_n_m * state.rest_length_m);
+    let beyond_n =
+        (state.force_n.y - state.force_n.x * slope).clamp(0.0, weight_n_m * state.rest_length_m);
     let part = Vector2::new(state.force_n.x, state.force_n.y - beyond_n);
     let point = model.end_point(part, state.rest_length_m - beyond_n / weight_n_m).position_m;
     let sag = point.x * slope - point.y;

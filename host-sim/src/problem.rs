@@ -2,8 +2,8 @@
 
 use cdpr_core::statics::Balance;
 use cdpr_core::{
-    CABLES, CableModel, GeometryFault, IrvineCatenary, LinearElastic, Load, NonDeformable, Parabola, Pose,
-    Robot,
+    CABLES, CableModel, GeometryFault, IrvineCatenary, LinearElastic, Load, NonDeformable,
+    Parabola, Pose, Robot,
 };
 
 use crate::robot_file::{CableLimits, CableMaterial};

@@ -7,7 +7,7 @@
 
 use std::fmt;
 
-use cdpr_core::elimination::Elimination;
+use cdpr_core::elimination::{Elimination, one_norm};
 use cdpr_core::statics::Balance;
 use cdpr_core::{CABLES, CableState};
 use nalgebra::{Matrix6, Vector2, Vector6};
@@ -21,7 +21,12 @@ impl SlackSet {
     /// The set of the cables with these numbers, counted from 1 as in the paper.
     #[must_use]
     pub fn of(numbers: &[usize]) -> Self {
-        Self(numbers.iter().filter(|n| (1..=CABLES).contains(n)).fold(0, |bits, n| bits | 1 << (n - 1)))
+        Self(
+            numbers
+                .iter()
+                .filter(|n| (1..=CABLES).contains(n))
+                .fold(0, |bits, n| bits | 1 << (n - 1)),
+        )
     }
 
     /// The 63 sets in which not all cables are slack, those with fewer slack cables first.
@@ -94,7 +99,11 @@ impl RigidSolution {
     /// simplified model of the paper's section 4. A slack cable hangs vertically on both sides of its
     /// lowest point, so `L = 2 tau / w - z` (the paper forgets `z`).
     #[must_use]
-    pub fn states(&self, balance: &Balance<f64>, weights_n_m: &[f64; CABLES]) -> [CableState<f64>; CABLES] {
+    pub fn states(
+        &self,
+        balance: &Balance<f64>,
+        weights_n_m: &[f64; CABLES],
+    ) -> [CableState<f64>; CABLES] {
         std::array::from_fn(|i| {
             let plane = &balance.planes()[i];
             let rest_length_m = if self.slack.contains(i) {
@@ -121,6 +130,9 @@ pub struct RigidSolutions {
 /// conditions up to about 1e4 away from singular postures, and leave 1e-12.
 const ZERO_FORCE: f64 = 1e-11;
 
+/// A system with a larger condition is singular: its forces would exceed the load by as much.
+const SINGULAR_CONDITION: f64 = 1e10;
+
 impl RigidSolutions {
     /// Solves the equilibrium for each of the 63 slack sets.
     ///
@@ -132,16 +144,23 @@ impl RigidSolutions {
         let mut solutions = Vec::new();
         let mut undecided = Vec::new();
         for slack in SlackSet::all() {
-            let columns: [Vector6<f64>; CABLES] =
-                std::array::from_fn(|i| balance.cable_wrench_n(i, &direction(balance, slack, i)));
-            let Some(elimination) = Elimination::new(&Matrix6::from_columns(&columns)) else { continue };
+            let columns: [Vector6<f64>; CABLES] = std::array::from_fn(|i| {
+                balance.planes()[i].wrench_n(&direction(balance, slack, i))
+            });
+            let matrix = Matrix6::from_columns(&columns);
+            let Some(elimination) = Elimination::new(&matrix) else { continue };
             let forces = elimination.solve(&-balance.wrench_n());
             let zero = ZERO_FORCE * forces.amax();
+            if forces.min() < -zero
+                || one_norm(&matrix) * one_norm(&elimination.inverse()) > SINGULAR_CONDITION
+            {
+                continue;
+            }
             if forces.min() > zero {
                 // A taut force falls with the length: d(G F)/dL = -(G column) for each of them.
                 let is_positive = elimination.is_positive() == slack.len().is_multiple_of(2);
                 solutions.push(RigidSolution { slack, forces_n: forces.into(), is_positive });
-            } else if forces.min() >= -zero {
+            } else {
                 undecided.push(slack);
             }
         }

@@ -125,7 +125,12 @@ impl Source<'_> {
         })
     }
 
-    fn refuse(&self, place: Range<usize>, field: &str, message: impl fmt::Display) -> RobotFileError {
+    fn refuse(
+        &self,
+        place: Range<usize>,
+        field: &str,
+        message: impl fmt::Display,
+    ) -> RobotFileError {
         let before = &self.text.as_bytes()[..place.start.min(self.text.len())];
         RobotFileError::Content {
             path: self.path.to_owned(),
@@ -155,11 +160,19 @@ impl Source<'_> {
     }
 
     /// Positive, or infinite for "no limit".
-    fn positive_or_infinite(&self, value: &Spanned<f64>, field: &str) -> Result<f64, RobotFileError> {
+    fn positive_or_infinite(
+        &self,
+        value: &Spanned<f64>,
+        field: &str,
+    ) -> Result<f64, RobotFileError> {
         self.number(value, field, |v| v > 0.0, "positive")
     }
 
-    fn vector(&self, value: &Spanned<[f64; 3]>, field: &str) -> Result<Vector3<f64>, RobotFileError> {
+    fn vector(
+        &self,
+        value: &Spanned<[f64; 3]>,
+        field: &str,
+    ) -> Result<Vector3<f64>, RobotFileError> {
         let vector = Vector3::from(*value.get_ref());
         if vector.iter().all(|c| c.is_finite()) {
             Ok(vector)
@@ -175,6 +188,8 @@ fn from_one(path: &serde_path_to_error::Path) -> String {
     let mut text = String::new();
     for segment in path {
         match segment {
+            // The inside of a value that remembers its place.
+            Segment::Map { key } if key.starts_with('$') => {}
             Segment::Seq { index } => text += &format!("[{}]", index + 1),
             Segment::Map { key } if text.is_empty() => text += key,
             Segment::Map { key } => text += &format!(".{key}"),
@@ -237,15 +252,22 @@ impl Document {
         let platform = &self.platform;
         let load = Load {
             mass_kg: source.positive(&platform.mass_kg, "platform.mass_kg")?,
-            center_of_mass_m: optional_vector(&platform.center_of_mass_m, "platform.center_of_mass_m")?,
+            center_of_mass_m: optional_vector(
+                &platform.center_of_mass_m,
+                "platform.center_of_mass_m",
+            )?,
             gravity_m_s2,
             force_n: optional_vector(&platform.external_force_n, "platform.external_force_n")?,
-            moment_nm: optional_vector(&platform.external_moment_nm, "platform.external_moment_nm")?,
+            moment_nm: optional_vector(
+                &platform.external_moment_nm,
+                "platform.external_moment_nm",
+            )?,
         };
 
         let entries = self.cables.get_ref();
         if entries.len() != CABLES {
-            let message = format!("{} cables, but the method needs exactly {CABLES}", entries.len());
+            let message =
+                format!("{} cables, but the method needs exactly {CABLES}", entries.len());
             // Without any entry there is no place in the text but the array itself.
             let place = entries.last().map_or(self.cables.span(), Spanned::span);
             return Err(source.refuse(place, "cables", message));
@@ -262,9 +284,10 @@ impl Document {
         };
         let robot = Robot::new(cables).map_err(|fault| {
             let (place, field) = match fault {
-                GeometryFault::CoincidentAnchors(_, second) => {
-                    (entries[second].get_ref().anchor_m.span(), format!("cables[{}].anchor_m", second + 1))
-                }
+                GeometryFault::CoincidentAnchors(_, second) => (
+                    entries[second].get_ref().anchor_m.span(),
+                    format!("cables[{}].anchor_m", second + 1),
+                ),
                 _ => (entries[0].get_ref().attachment_m.span(), "cables[].attachment_m".to_owned()),
             };
             source.refuse(place, &field, fault)
@@ -308,7 +331,11 @@ impl OneCable {
         };
         let limits = CableLimits {
             max_length_m: pick(&self.max_length_m, common.max_length_m.as_ref(), "max_length_m")?,
-            max_tension_n: pick(&self.max_tension_n, common.max_tension_n.as_ref(), "max_tension_n")?,
+            max_tension_n: pick(
+                &self.max_tension_n,
+                common.max_tension_n.as_ref(),
+                "max_tension_n",
+            )?,
         };
         let cable = Cable {
             anchor_m: source.vector(&self.anchor_m, &own("anchor_m"))?,

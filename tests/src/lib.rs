@@ -1,1 +1,224 @@
-//! Golden data.
+//! Golden data, and the one table of tolerances that the tests across the crates share.
+
+use cdpr_core::IrvineCatenary;
+use cdpr_host_sim::cases::Overrides;
+use cdpr_host_sim::enumerate::{ModelKind, Request};
+use cdpr_host_sim::robot_file::RobotDescription;
+use nalgebra::{Matrix2x3, Vector2};
+use serde::de::{Deserialize, Deserializer, Error};
+
+/// The one table of tolerances.
+///
+/// Most are multiples of the distance `eps` from 1 to the next number of the float type, so that
+/// one entry serves f32 and f64: a result of `n` roundings of at most `eps/2` each is off by `n/2`
+/// at worst, and by `3 sqrt(n/12)` at three standard deviations when they add like a random walk.
+pub mod tolerance {
+    /// Error of the end point, times `eps L`, with L the stretched length. The longest path to X
+    /// (`W`, `T_A`, `1/S`, logarithm, sum, product) rounds 18 times: 9 at worst, 3.7 at three
+    /// standard deviations; largest found 1.7.
+    pub const END_POINT: f64 = 4.0;
+
+    /// Error of the derivative, times `eps` and the largest entry of its row, the columns of Fx and
+    /// Fz times `(|Fx| + |Fz|)/L`. Products of up to five such paths: 25 roundings of the tensions,
+    /// none of which cancels; largest found 5.
+    pub const DERIVATIVE: f64 = 8.0;
+
+    /// Error of the derivative when the weight bears against a small tension `T`: the rounding
+    /// of `Fz - W` turns the force at the anchor by `eps W/T`. Times `eps W/T`, the same norm.
+    pub const DERIVATIVE_TURN: f64 = 2.0;
+
+    /// Error of a composite Gauss quadrature, times `eps L`: 10 levels of pairwise sums, 12
+    /// roundings of the integrand, and [`END_POINT`] of the other side.
+    pub const QUADRATURE: f64 = 15.0;
+
+    /// Residual of a solved line, times `eps` and the largest of distance and stretched length: the
+    /// solver stops at 4, or where no float does better: the force is rounded to `eps/2`, the
+    /// compliance times the force is at most twice the length, and [`END_POINT`] comes on top.
+    pub const RESIDUAL: f64 = 8.0;
+
+    /// Error of a solved force, times `eps |K^-1| (L + |x| + |z|) + eps |F|`: 4 where the solver
+    /// stops and [`END_POINT`] of the map it solves.
+    pub const FORCE: f64 = 8.0;
+
+    /// Rest lengths of a solution, relative. The reference values were polished until their static
+    /// residual was below 2e-10 N, and the worst condition among them is 1.2e3.
+    pub const SOLUTION_LENGTH: f64 = 1e-9;
+
+    /// Force at an attachment, relative, as a plane vector. A slack cable of 4 km answers 1e-9 of its
+    /// length with more than that of its force.
+    pub const SOLUTION_FORCE: f64 = 1e-7;
+
+    /// Force of a rigid solution, relative: conditions up to 1e4 times rounding of input and matrix,
+    /// and the smallest force is 1/300 of the largest.
+    pub const RIGID_FORCE: f64 = 1e-9;
+
+    /// Deformation at a fold, relative: the same fold met from either side. It is found to 1e-8 of
+    /// the unit tangent, and the deformation moves with the square of that.
+    pub const FOLD: f64 = 1e-10;
+}
+
+/// One elastic catenary of `data/cable.json`: what hangs there and, computed with 50 digits, where
+/// it ends.
+#[derive(Clone, Debug, serde::Deserialize)]
+pub struct CableCase {
+    /// What the line is an example of: `taut`, `near_taut`, `slack`, `deep_slack`, `above` or
+    /// `almost_vertical`.
+    pub kind: String,
+    /// Horizontal force on the cable at the attachment, N.
+    pub fx_n: f64,
+    /// Vertical force on the cable at the attachment, N.
+    pub fz_n: f64,
+    /// Rest length, m.
+    pub rest_length_m: f64,
+    /// Weight per rest length, N/m.
+    pub weight_n_m: f64,
+    /// Axial stiffness EA, N.
+    pub axial_stiffness_n: f64,
+    /// Horizontal distance of the attachment from the anchor, m.
+    #[serde(deserialize_with = "decimal")]
+    pub x_m: f64,
+    /// Height of the attachment above the anchor, m.
+    #[serde(deserialize_with = "decimal")]
+    pub z_m: f64,
+    /// Derivative of `(X, Z)` by `Fx`, `Fz` (m/N) and `L` (m/m).
+    #[serde(deserialize_with = "decimals")]
+    pub jacobian: Matrix2x3<f64>,
+}
+
+impl CableCase {
+    /// The cable.
+    #[must_use]
+    pub fn model(&self) -> IrvineCatenary<f64> {
+        IrvineCatenary {
+            weight_n_m: self.weight_n_m,
+            compliance_per_n: self.axial_stiffness_n.recip(),
+        }
+    }
+
+    /// Force on the cable at the attachment, N.
+    #[must_use]
+    pub fn force_n(&self) -> Vector2<f64> {
+        Vector2::new(self.fx_n, self.fz_n)
+    }
+
+    /// Where the cable ends, m.
+    #[must_use]
+    pub fn position_m(&self) -> Vector2<f64> {
+        Vector2::new(self.x_m, self.z_m)
+    }
+}
+
+/// The lines of `data/cable.json`.
+///
+/// # Panics
+/// When the file is not what [`CableCase`] describes.
+#[must_use]
+pub fn cable_cases() -> Vec<CableCase> {
+    serde_json::from_str(include_str!("../data/cable.json")).expect("data/cable.json")
+}
+
+/// A decimal string of any length, to the nearest float.
+fn decimal<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+}
+
+/// Two rows of three decimal strings.
+fn decimals<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Matrix2x3<f64>, D::Error> {
+    let mut matrix = Matrix2x3::zeros();
+    for (i, row) in <[[String; 3]; 2]>::deserialize(deserializer)?.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            matrix[(i, j)] = entry.parse().map_err(D::Error::custom)?;
+        }
+    }
+    Ok(matrix)
+}
+
+/// Answers for one pose: `data/paper.json` and `data/random.json`.
+#[derive(Clone, Debug, serde::Deserialize)]
+pub struct PoseCase {
+    /// Position of the platform origin, m.
+    pub position_m: [f64; 3],
+    /// Orientation as rotation vector, rad.
+    pub rotation_vector_rad: [f64; 3],
+    /// Mass of the platform, kg.
+    pub mass_kg: f64,
+    /// Mass of the cables per length, kg/m.
+    pub linear_density_kg_m: f64,
+    /// Axial stiffness EA of the cables, N.
+    pub axial_stiffness_n: f64,
+    /// Longest cable, m.
+    pub max_length_m: f64,
+    /// Largest tension, N.
+    pub max_tension_n: f64,
+    /// Rigid solutions with their forces; `random.json` has only the sets.
+    #[serde(default)]
+    pub rigid_solutions: Vec<RigidCase>,
+    /// Sets of slack cables that have a rigid solution.
+    #[serde(default)]
+    pub rigid_slack_sets: Vec<Vec<usize>>,
+    /// All deformable solutions.
+    pub solutions: Vec<SolutionCase>,
+}
+
+/// A rigid solution of `data/paper.json`.
+#[derive(Clone, Debug, serde::Deserialize)]
+pub struct RigidCase {
+    /// Numbers of the slack cables.
+    pub slack: Vec<usize>,
+    /// Tension, or downward pull of a slack cable, N.
+    pub forces_n: [f64; 6],
+}
+
+/// A deformable solution.
+#[derive(Clone, Debug, serde::Deserialize)]
+pub struct SolutionCase {
+    /// The rigid solution it comes from, where the file says so.
+    pub from_rigid_slack_set: Option<Vec<usize>>,
+    /// Rest lengths, m.
+    pub lengths_m: [f64; 6],
+    /// Horizontal force on the cable at B, N.
+    pub fx_n: [f64; 6],
+    /// Vertical force on the cable at B, N.
+    pub fz_n: [f64; 6],
+    /// Sign of the determinant, where the file says so.
+    pub det_sign: Option<i8>,
+}
+
+impl PoseCase {
+    /// The question of this case, for MARIONET-CRANE with elastic catenaries.
+    #[must_use]
+    pub fn request(&self) -> Request {
+        let overrides = Overrides {
+            mass_kg: Some(self.mass_kg),
+            gravity_m_s2: None,
+            linear_density_kg_m: Some(self.linear_density_kg_m),
+            axial_stiffness_n: Some(self.axial_stiffness_n),
+            max_length_m: Some(self.max_length_m),
+            max_tension_n: Some(self.max_tension_n),
+        };
+        Request {
+            robot: overrides.apply(&RobotDescription::marionet_crane()),
+            position_m: self.position_m,
+            rotation_vector_rad: self.rotation_vector_rad,
+            model: ModelKind::Irvine,
+        }
+    }
+}
+
+/// The poses of the paper.
+///
+/// # Panics
+/// When `data/paper.json` is not what [`PoseCase`] describes.
+#[must_use]
+pub fn paper_cases() -> Vec<PoseCase> {
+    serde_json::from_str(include_str!("../data/paper.json")).expect("data/paper.json")
+}
+
+/// Random poses, masses, densities and stiffnesses.
+///
+/// # Panics
+/// When `data/random.json` is not what [`PoseCase`] describes.
+#[must_use]
+pub fn random_cases() -> Vec<PoseCase> {
+    serde_json::from_str(include_str!("../data/random.json")).expect("data/random.json")
+}

@@ -58,8 +58,12 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
                 rest_length_m * (c * (one + strain)),
             ),
             jacobian: Matrix2x3::new(
-                x_fx, cross, profile.force_a.x * per_length,
-                cross, z_fz, profile.force_a.y * per_length,
+                x_fx,
+                cross,
+                profile.force_a.x * per_length,
+                cross,
+                z_fz,
+                profile.force_a.y * per_length,
             ),
         }
     }
@@ -74,7 +78,12 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
 
     /// One equation for `S` (see [`line::catenary_force`]); at most
     /// [`line::root_iteration_bound`] iterations, usually 3 to 5.
-    fn force_at_length(&self, x_m: T, z_m: T, rest_length_m: T) -> Result<LineSolution<T>, LineFault>
+    fn force_at_length(
+        &self,
+        x_m: T,
+        z_m: T,
+        rest_length_m: T,
+    ) -> Result<LineSolution<T>, LineFault>
     where
         T: Real,
     {

@@ -28,8 +28,12 @@ impl<T: Scalar> CableModel<T> for LinearElastic<T> {
         EndPoint {
             position_m: unit * (rest_length_m * stretch),
             jacobian: Matrix2x3::new(
-                along + lateral * (unit.y * unit.y), cross, unit.x * stretch,
-                cross, along + lateral * (unit.x * unit.x), unit.y * stretch,
+                along + lateral * (unit.y * unit.y),
+                cross,
+                unit.x * stretch,
+                cross,
+                along + lateral * (unit.x * unit.x),
+                unit.y * stretch,
             ),
         }
     }
@@ -46,7 +50,12 @@ impl<T: Scalar> CableModel<T> for LinearElastic<T> {
     ///
     /// # Errors
     /// [`LineFault::Limp`] at `L >= d`; [`LineFault::TooShort`] when it cannot stretch.
-    fn force_at_length(&self, x_m: T, z_m: T, rest_length_m: T) -> Result<LineSolution<T>, LineFault>
+    fn force_at_length(
+        &self,
+        x_m: T,
+        z_m: T,
+        rest_length_m: T,
+    ) -> Result<LineSolution<T>, LineFault>
     where
         T: Real,
     {

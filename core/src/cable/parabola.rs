@@ -82,8 +82,12 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
         EndPoint {
             position_m: middle * direct,
             jacobian: Matrix2x3::new(
-                direct - middle.x * tx, -(middle.x * tz), middle.x * per_length,
-                -(middle.y * tx), direct - middle.y * tz, middle.y * per_length - half * weight * stretch,
+                direct - middle.x * tx,
+                -(middle.x * tz),
+                middle.x * per_length,
+                -(middle.y * tx),
+                direct - middle.y * tz,
+                middle.y * per_length - half * weight * stretch,
             ),
         }
     }
@@ -98,7 +102,12 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
 
     /// `M` points along the chord, so one equation for `|M|` is left
     /// (see [`line::parabola_force`]); at most [`line::root_iteration_bound`] iterations.
-    fn force_at_length(&self, x_m: T, z_m: T, rest_length_m: T) -> Result<LineSolution<T>, LineFault>
+    fn force_at_length(
+        &self,
+        x_m: T,
+        z_m: T,
+        rest_length_m: T,
+    ) -> Result<LineSolution<T>, LineFault>
     where
         T: Real,
     {

@@ -83,6 +83,11 @@ pub enum BranchEnd {
         /// Where it was given up.
         deformation: f64,
     },
+    /// The cable, counted from 0, is slack but the model gives it no weight: it exerts no force.
+    Weightless {
+        /// The cable, counted from 0.
+        cable: usize,
+    },
     /// No deformation, however small, has a solution next to the rigid one that the test accepts.
     SingularStart,
     /// It met a singular point that is no fold.
@@ -128,16 +133,33 @@ impl fmt::Display for Branch {
                         state.tension_at_attachment_n().max(solution.anchor_tensions_n[*cable])
                     ),
                 };
-                write!(f, "arrives beyond a limit: {} of cable {} is {value}", quantity(q), cable + 1)?;
+                write!(
+                    f,
+                    "arrives beyond a limit: {} of cable {} is {value}",
+                    quantity(q),
+                    cable + 1
+                )?;
             }
             BranchEnd::MetBranch(partner) => {
                 write!(f, "ends in a fold with branch {partner}")?;
             }
-            BranchEnd::CameBackElsewhere => write!(f, "turns back in a fold, to no rigid solution")?,
-            BranchEnd::RanAway { cable, quantity: q, deformation } => {
-                write!(f, "{} of cable {} grows without bound at s = {deformation:.6}", quantity(q), cable + 1)?;
+            BranchEnd::CameBackElsewhere => {
+                write!(f, "turns back in a fold, to no rigid solution")?
             }
-            BranchEnd::SingularStart => write!(f, "singular start: no solution beside the rigid one")?,
+            BranchEnd::RanAway { cable, quantity: q, deformation } => {
+                write!(
+                    f,
+                    "{} of cable {} grows without bound at s = {deformation:.6}",
+                    quantity(q),
+                    cable + 1
+                )?;
+            }
+            BranchEnd::Weightless { cable } => {
+                write!(f, "cable {} is slack, and without weight it exerts no force", cable + 1)?;
+            }
+            BranchEnd::SingularStart => {
+                write!(f, "singular start: no solution beside the rigid one")?
+            }
             BranchEnd::Stalled { deformation } => {
                 write!(f, "singular point at s = {deformation:.6}")?;
             }
@@ -173,7 +195,8 @@ pub fn inverse<M: CableModel<f64>>(
 ) -> Option<SlackSet> {
     let system = System { problem, vertical: solution.vertical };
     let start = Point { states: solution.states, sigma: 0.0 };
-    let smallest = rigid.iter().map(|r| start_deformation(problem, r)).fold(START_DEFLECTION, f64::min);
+    let smallest =
+        rigid.iter().map(|r| start_deformation(problem, r)).fold(START_DEFLECTION, f64::min);
     let mut bottom = smallest.ln();
     let mut path = follow(system, start, (bottom, 0.0), false, 1.0);
     for _ in 0..START_ATTEMPTS {
@@ -195,9 +218,14 @@ fn branch<M: CableModel<f64>>(
     origin: &RigidSolution,
     caution: f64,
 ) -> Branch {
+    let ended =
+        |end| Branch { origin: origin.slack, end, folds: Vec::new(), steps: 0, largest_h: 0.0 };
+    let weightless = |&i: &usize| origin.slack.contains(i) && problem.model(i).weight_n_m() <= 0.0;
+    if let Some(cable) = (0..CABLES).find(weightless) {
+        return ended(BranchEnd::Weightless { cable });
+    }
     let Some((system, start)) = start(problem, origin) else {
-        let end = BranchEnd::SingularStart;
-        return Branch { origin: origin.slack, end, folds: Vec::new(), steps: 0, largest_h: 0.0 };
+        return ended(BranchEnd::SingularStart);
     };
     let bottom = start.sigma;
     let path = follow(system, start, (bottom, 0.0), true, caution);
@@ -209,7 +237,13 @@ fn branch<M: CableModel<f64>>(
         }
         End::Stalled { deformation } => BranchEnd::Stalled { deformation: *deformation },
     };
-    Branch { origin: origin.slack, end, folds: path.folds, steps: path.steps, largest_h: path.largest_h }
+    Branch {
+        origin: origin.slack,
+        end,
+        folds: path.folds,
+        steps: path.steps,
+        largest_h: path.largest_h,
+    }
 }
 
 /// A deformation at which sag and stretch of every cable are small against its length.
@@ -219,7 +253,8 @@ fn start_deformation<M: CableModel<f64>>(problem: &Problem<M>, origin: &RigidSol
         let plane = &problem.balance.planes()[i];
         let distance_m = plane.distance_m();
         let model = problem.model(i);
-        let state = CableState { force_n: origin.force_n(&problem.balance, i), rest_length_m: distance_m };
+        let state =
+            CableState { force_n: origin.force_n(&problem.balance, i), rest_length_m: distance_m };
         // Sag angle w d / T, and stretch as the model itself has it.
         let sag = model.weight_n_m() * distance_m / origin.forces_n[i];
         let end = model.end_point(state.force_n, distance_m).position_m;
@@ -236,15 +271,18 @@ fn start<'a, M: CableModel<f64>>(
 ) -> Option<(System<'a, M>, Point)> {
     let mut deformation = start_deformation(problem, origin);
     for _ in 0..START_ATTEMPTS {
-        let weights = std::array::from_fn(|i| problem.model(i).at_deformation(deformation).weight_n_m());
+        let weights =
+            std::array::from_fn(|i| problem.model(i).at_deformation(deformation).weight_n_m());
         let mut system = System::new(problem);
         system.vertical = std::array::from_fn(|i| origin.slack.contains(i));
-        let rigid = Point { states: origin.states(&problem.balance, &weights), sigma: deformation.ln() };
+        let rigid =
+            Point { states: origin.states(&problem.balance, &weights), sigma: deformation.ln() };
         if let Some(mut point) = converge(&system, &rigid, DEFORMATION)
             && departure(problem, origin, &point) < IDENTIFIED
         {
             restore_full_model(&mut system, &mut point);
-            let full = (0..CABLES).all(|i| !system.vertical[i] || problem.balance.planes()[i].x_m <= 0.0);
+            let full =
+                (0..CABLES).all(|i| !system.vertical[i] || problem.balance.planes()[i].x_m <= 0.0);
             if full && departure(problem, origin, &point) < IDENTIFIED {
                 return Some((system, point));
             }
@@ -328,7 +366,9 @@ fn arrival<M: CableModel<f64>>(
 /// Indices of branches that arrive where another one does.
 fn doubles(branches: &[Branch]) -> Vec<usize> {
     let arrived = |branch: &Branch| match &branch.end {
-        BranchEnd::Solution(solution) | BranchEnd::BeyondLimit { solution, .. } => Some(solution.states),
+        BranchEnd::Solution(solution) | BranchEnd::BeyondLimit { solution, .. } => {
+            Some(solution.states)
+        }
         _ => None,
     };
     let same = |a: &[CableState<f64>; CABLES], b: &[CableState<f64>; CABLES]| {

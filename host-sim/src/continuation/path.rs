@@ -105,7 +105,8 @@ pub(super) fn follow<M: CableModel<f64>>(
                 path.steps += 1;
                 path.largest_h = path.largest_h.max(kantorovich.h);
                 if landed {
-                    path.end = if point.sigma >= top { End::Top(point) } else { End::Bottom(point) };
+                    path.end =
+                        if point.sigma >= top { End::Top(point) } else { End::Bottom(point) };
                     return path;
                 }
                 if path.steps > 1 && tangent[DEFORMATION] * along[DEFORMATION] < 0.0 {
@@ -164,7 +165,11 @@ fn advance<M: CableModel<f64>>(
         return None;
     }
     let point = converge(system, &start, held)?;
-    let tangent = system.linearise(&point)?.tangent(held, &tangent).or_else(|| landed.then_some(tangent))?;
+    if !landed && (point.sigma > top || point.sigma < bottom) {
+        return None; // overshot along the arc: a shorter step will land
+    }
+    let tangent =
+        system.linearise(&point)?.tangent(held, &tangent).or_else(|| landed.then_some(tangent))?;
     Some(Advance { point, tangent, kantorovich, landed })
 }
 
@@ -173,7 +178,9 @@ fn leading(tangent: &Coordinates) -> usize {
     if tangent[DEFORMATION].abs() >= LEADING {
         return DEFORMATION;
     }
-    (0..CABLES).max_by(|&i, &j| tangent[i].abs().total_cmp(&tangent[j].abs())).unwrap_or(DEFORMATION)
+    (0..CABLES)
+        .max_by(|&i, &j| tangent[i].abs().total_cmp(&tangent[j].abs()))
+        .unwrap_or(DEFORMATION)
 }
 
 /// The fold between two points of a path whose tangents point to either side of it.
@@ -195,7 +202,8 @@ fn locate_fold<M: CableModel<f64>>(
     let mut find = || -> Option<()> {
         let linear = system.linearise(before)?;
         let tangent = linear.tangent(leading(along_before), along_before)?;
-        let largest = |t: &Coordinates| (0..CABLES).max_by(|&i, &j| t[i].abs().total_cmp(&t[j].abs()));
+        let largest =
+            |t: &Coordinates| (0..CABLES).max_by(|&i, &j| t[i].abs().total_cmp(&t[j].abs()));
         let held = largest(along_after)?;
         // How far along the held force the second point lies from the first.
         let curve = &linear.curves[held].curve;
@@ -253,7 +261,9 @@ pub(super) fn restore_full_model<M: CableModel<f64>>(system: &mut System<'_, M>,
             continue;
         }
         let model = system.problem.model(cable).at_deformation(here.deformation());
-        let Ok(line) = model.force_at_length(plane.x_m, plane.z_m, here.states[cable].rest_length_m) else {
+        let Ok(line) =
+            model.force_at_length(plane.x_m, plane.z_m, here.states[cable].rest_length_m)
+        else {
             continue;
         };
         let mut full = system.clone();
@@ -276,7 +286,9 @@ fn simplify<M: CableModel<f64>>(system: &mut System<'_, M>, here: &mut Point) ->
     let mut simple = system.clone();
     let mut start = here.clone();
     for (cable, state) in start.states.iter_mut().enumerate() {
-        if state.force_n.x.abs() <= NEARLY_VERTICAL * state.force_n.norm() && !simple.vertical[cable] {
+        if state.force_n.x.abs() <= NEARLY_VERTICAL * state.force_n.norm()
+            && !simple.vertical[cable]
+        {
             simple.vertical[cable] = true;
             state.force_n.x = 0.0;
         }

@@ -25,15 +25,15 @@ const CONVERGED_TO_ROUNDING: f64 = 1e-9;
 /// The Kantorovich numbers of a start, in scaled force-curve coordinates and the largest-component
 /// norm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Kantorovich {
+pub(super) struct Kantorovich {
     /// `eta`: size of the first Newton step.
-    pub eta: f64,
+    pub(super) eta: f64,
     /// Contraction `k`: change of the derivative over the ball of radius `2 eta`, seen through the
     /// inverse at its centre, and over the way from the last solution to it.
-    pub contraction: f64,
+    pub(super) contraction: f64,
     /// `h = eta omega` with `omega = k / (2 eta)` the Lipschitz constant over the ball: at most 1/2
     /// means that there is exactly one solution in the ball (the paper, section 3.1).
-    pub h: f64,
+    pub(super) h: f64,
 }
 
 /// Tests whether Newton from `start` with coordinate `held` fixed converges to the only solution
@@ -60,7 +60,9 @@ pub(super) fn kantorovich<M: CableModel<f64>>(
         let mut largest = [Vector6::zeros(); 2];
         let mut see = |state: &CableState<f64>, sigma: f64| {
             let other = system.curve(i, state, sigma)?;
-            for (seen, largest) in linear.difference(i, &other, &elimination).iter().zip(&mut largest) {
+            for (seen, largest) in
+                linear.difference(i, &other, &elimination).iter().zip(&mut largest)
+            {
                 *largest = largest.sup(seen);
             }
             Some(())
@@ -127,11 +129,17 @@ pub(super) fn converge<M: CableModel<f64>>(
 }
 
 /// Largest scaled change of a coordinate, or relative change on the way back to a curve.
-fn size_of_step<M: CableModel<f64>>(linear: &Linearised<'_, M>, point: &Point, step: &Coordinates) -> f64 {
+fn size_of_step<M: CableModel<f64>>(
+    linear: &Linearised<'_, M>,
+    point: &Point,
+    step: &Coordinates,
+) -> f64 {
     let along = step.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
-    let back = linear.curves.iter().zip(&point.states).zip(&linear.scales).map(|((moving, state), scale)| {
-        let force = moving.curve.correction_n.amax() / scale;
-        force.max(moving.curve.length_correction_m.abs() / state.rest_length_m)
-    });
+    let back = linear.curves.iter().zip(&point.states).zip(&linear.scales).map(
+        |((moving, state), scale)| {
+            let force = moving.curve.correction_n.amax() / scale;
+            force.max(moving.curve.length_correction_m.abs() / state.rest_length_m)
+        },
+    );
     back.fold(along, f64::max)
 }

@@ -89,7 +89,12 @@ impl<'a, M: CableModel<f64>> System<'a, M> {
     }
 
     /// The force curve of `cable` near `state`; `None` at a singular point.
-    pub(super) fn curve(&self, cable: usize, state: &CableState<f64>, sigma: f64) -> Option<MovingCurve> {
+    pub(super) fn curve(
+        &self,
+        cable: usize,
+        state: &CableState<f64>,
+        sigma: f64,
+    ) -> Option<MovingCurve> {
         let plane = &self.problem.balance.planes()[cable];
         let end = self.end_point(cable, state, sigma);
         let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state)?;
@@ -115,9 +120,9 @@ impl<'a, M: CableModel<f64>> System<'a, M> {
         for (i, state) in point.states.iter().enumerate() {
             let moving = self.curve(i, state, point.sigma)?;
             scales[i] = state.force_n.norm() + LEAST_FORCE * load;
-            columns[i] = balance.cable_wrench_n(i, &moving.curve.tangent) * scales[i];
-            columns[DEFORMATION] += balance.cable_wrench_n(i, &moving.shift_n);
-            imbalance += balance.cable_wrench_n(i, &(state.force_n + moving.curve.correction_n));
+            columns[i] = balance.planes()[i].wrench_n(&moving.curve.tangent) * scales[i];
+            columns[DEFORMATION] += balance.planes()[i].wrench_n(&moving.shift_n);
+            imbalance += balance.planes()[i].wrench_n(&(state.force_n + moving.curve.correction_n));
             curves.push(moving);
         }
         Some(Linearised { system: self, curves, columns, scales, imbalance })
@@ -147,7 +152,7 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
     pub(super) fn tangent_matrix(&self) -> Matrix6<f64> {
         let balance = &self.system.problem.balance;
         let columns: [Vector6<f64>; CABLES] =
-            std::array::from_fn(|i| balance.cable_wrench_n(i, &self.curves[i].curve.tangent));
+            std::array::from_fn(|i| balance.planes()[i].wrench_n(&self.curves[i].curve.tangent));
         Matrix6::from_columns(&columns)
     }
 
@@ -187,7 +192,8 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
         let share = if back_to_curve { 1.0 } else { 0.0 };
         let states = std::array::from_fn(|i| {
             let (moving, state) = (&self.curves[i], &point.states[i]);
-            let (curve, along, shift) = (&moving.curve, step[i] * self.scales[i], step[DEFORMATION]);
+            let (curve, along, shift) =
+                (&moving.curve, step[i] * self.scales[i], step[DEFORMATION]);
             let length_change = curve.length_per_force_m_n * along
                 + moving.length_shift_m * shift
                 + curve.length_correction_m * share;
@@ -212,7 +218,7 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
     ) -> [Vector6<f64>; 2] {
         let here = &self.curves[cable];
         let seen = |change: Vector2<f64>| {
-            elimination.solve(&self.system.problem.balance.cable_wrench_n(cable, &change)).abs()
+            elimination.solve(&self.system.problem.balance.planes()[cable].wrench_n(&change)).abs()
         };
         [
             seen((other.curve.tangent - here.curve.tangent) * self.scales[cable]),

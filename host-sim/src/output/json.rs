@@ -19,7 +19,8 @@ pub fn json(request: &Request, answer: &Enumeration) -> impl Serialize + use<> {
         mass_kg: request.robot.load.mass_kg,
         gravity_m_s2: request.robot.load.gravity_m_s2,
         cables: std::array::from_fn(|i| {
-            let (material, limits) = (&request.robot.robot.cables()[i].model, &request.robot.limits[i]);
+            let (material, limits) =
+                (&request.robot.robot.cables()[i].model, &request.robot.limits[i]);
             Cable {
                 linear_density_kg_m: material.linear_density_kg_m,
                 axial_stiffness_n: material.axial_stiffness_n,
@@ -124,8 +125,8 @@ impl From<&FoundSolution> for Solution {
 #[derive(Serialize)]
 struct BranchReport {
     rigid_slack_set: SlackSet,
-    /// One of solution, beyond_limit, met_branch, came_back_elsewhere, ran_away, singular_start,
-    /// stalled, doubtful.
+    /// One of solution, beyond_limit, met_branch, came_back_elsewhere, ran_away, weightless,
+    /// singular_start, stalled, doubtful.
     end: &'static str,
     /// The partner, when two branches meet.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -151,6 +152,7 @@ impl From<&Branch> for BranchReport {
             BranchEnd::MetBranch(partner) => ("met_branch", Some(*partner)),
             BranchEnd::CameBackElsewhere => ("came_back_elsewhere", None),
             BranchEnd::RanAway { .. } => ("ran_away", None),
+            BranchEnd::Weightless { .. } => ("weightless", None),
             BranchEnd::SingularStart => ("singular_start", None),
             BranchEnd::Stalled { .. } => ("stalled", None),
             BranchEnd::Doubtful => ("doubtful", None),

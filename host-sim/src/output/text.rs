@@ -12,9 +12,15 @@ use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request};
 pub fn text(request: &Request, answer: &Enumeration) -> String {
     let mut out = heading(request);
     let rigid = &answer.rigid.solutions;
-    let _ = writeln!(out, "\nNon-deformable cables: {}, degree {}", count(rigid.len()), answer.rigid.degree());
+    let _ = writeln!(
+        out,
+        "\nNon-deformable cables: {}, degree {}",
+        count(rigid.len()),
+        answer.rigid.degree()
+    );
     if !rigid.is_empty() {
-        let mut table = new_table("slack", (1..=CABLES).map(|i| format!("tau{i} [N]")).chain(["det".into()]));
+        let mut table =
+            new_table("slack", (1..=CABLES).map(|i| format!("tau{i} [N]")).chain(["det".into()]));
         for solution in rigid {
             let forces = solution.forces_n.iter().map(|f| significant(*f));
             table.add_row(
@@ -26,15 +32,25 @@ pub fn text(request: &Request, answer: &Enumeration) -> String {
         let _ = writeln!(out, "{table}");
     }
     for slack in &answer.rigid.undecided {
-        let _ = writeln!(out, "Undecided: with slack {slack} a force is zero to rounding (border of two sets)");
+        let _ = writeln!(
+            out,
+            "Undecided: with slack {slack} a force is zero to rounding (border of two sets)"
+        );
     }
     if request.model == ModelKind::Rigid {
-        let _ = writeln!(out, "\nRest lengths, slack cables hanging vertically under their own weight");
+        let _ =
+            writeln!(out, "\nRest lengths, slack cables hanging vertically under their own weight");
     } else {
         let found = answer.solutions.len();
         let _ = writeln!(out, "\nDeformable cables: {}, degree {}", count(found), answer.degree());
         for branch in &answer.branches {
             let _ = writeln!(out, "  branch {}: {branch}", branch.origin);
+        }
+        if answer.degree() != answer.rigid.degree() {
+            let _ = writeln!(
+                out,
+                "  The degrees differ: a solution lies beyond the limits or was not found"
+            );
         }
     }
     for (number, found) in answer.solutions.iter().enumerate() {
@@ -82,7 +98,14 @@ fn solution_text(number: usize, found: &FoundSolution) -> String {
         sign(solution.is_positive),
         significant(solution.condition),
     );
-    let columns = ["rest length [m]", "tension at A [N]", "tension at B [N]", "Fx at B [N]", "Fz at B [N]", "sag [m]"];
+    let columns = [
+        "rest length [m]",
+        "tension at A [N]",
+        "tension at B [N]",
+        "Fx at B [N]",
+        "Fz at B [N]",
+        "sag [m]",
+    ];
     let mut table = new_table("cable", columns.map(String::from));
     for i in 0..CABLES {
         let state = &solution.states[i];

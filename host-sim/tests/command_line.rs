@@ -1,0 +1,245 @@
+//! The command `cdpr` as a person or a script meets it.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command as Process, Stdio};
+
+use assert_cmd::Command;
+use assert_cmd::assert::Assert;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const CDPR: &str = env!("CARGO_BIN_EXE_cdpr");
+const CRANE: &str = include_str!("../robots/marionet-crane.toml");
+
+fn cdpr<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Assert {
+    Command::new(CDPR).args(arguments).assert()
+}
+
+fn stdout(assert: &Assert) -> String {
+    String::from_utf8(assert.get_output().stdout.clone()).expect("UTF-8")
+}
+
+fn stderr(assert: &Assert) -> String {
+    String::from_utf8(assert.get_output().stderr.clone()).expect("UTF-8")
+}
+
+/// Bad input: exit code 2, nothing on stdout, and a message that holds all of `parts`.
+fn assert_refused<S: AsRef<std::ffi::OsStr>>(arguments: &[S], parts: &[&str]) {
+    let assert = cdpr(arguments).code(2).stdout("");
+    let message = stderr(&assert);
+    for part in parts {
+        assert!(message.contains(part), "{part:?} not in {message:?}");
+    }
+}
+
+/// Writes `text` to a file and gives its path.
+fn file(folder: &TempDir, name: &str, text: &str) -> String {
+    let path = folder.path().join(name);
+    fs::write(&path, text).expect("a temporary file");
+    path.to_str().expect("UTF-8").to_owned()
+}
+
+#[test]
+fn without_arguments_it_shows_the_five_solutions() {
+    let text = stdout(&cdpr::<&str>(&[]).success().stderr(""));
+    assert!(text.contains("Deformable cables: 5 solutions, degree -1"), "{text}");
+    assert!(text.contains("4103.07"), "{text}");
+    for set in ["none", "[3]", "[6]", "[3,5]", "[4,6]"] {
+        assert!(text.contains(&format!("from rigid slack set {set}:")), "{text}");
+    }
+}
+
+#[test]
+fn json_has_the_documented_fields() {
+    let arguments = ["enumerate", "--position", "4,7,2", "--format", "json", "--retrace"];
+    let answer: Value = serde_json::from_str(&stdout(&cdpr(&arguments).success())).expect("JSON");
+    assert_eq!(answer["rigid"][0]["slack"], serde_json::json!([4]));
+    assert_eq!(answer["rigid"][0]["forces_n"].as_array().map(Vec::len), Some(6));
+    assert_eq!(answer["degree"], serde_json::json!({"rigid": -1, "deformable": -1}));
+    let solution = &answer["solutions"][0];
+    for field in ["lengths_m", "horizontal_forces_n", "vertical_forces_n"] {
+        assert_eq!(solution[field].as_array().map(Vec::len), Some(6), "{field}");
+    }
+    assert_eq!(solution["rigid_slack_set"], serde_json::json!([4]));
+    assert_eq!(solution["retraced_slack_set"], serde_json::json!([4]));
+    assert_eq!(solution["det_sign"], -1);
+    assert!(solution["condition"].as_f64().is_some_and(|c| c > 1.0));
+    assert!((solution["lengths_m"][3].as_f64().unwrap() - 165.251_124_791_726).abs() < 1e-6);
+}
+
+#[test]
+fn a_pose_without_solution_is_an_answer() {
+    let text = stdout(&cdpr(&["enumerate", "--position", "0,0,2"]).success());
+    assert!(text.contains("Deformable cables: no solution, degree 0"), "{text}");
+}
+
+#[test]
+fn options_override_the_robot_file() {
+    let folder = TempDir::new().expect("a folder");
+    let robot = file(&folder, "robot.toml", CRANE);
+    let by_option = cdpr(&[
+        "enumerate",
+        "--robot",
+        &robot,
+        "--position",
+        "0.96733,11.3833,1.65",
+        "--mass",
+        "10",
+        "--linear-density",
+        "0.004",
+        "--format",
+        "json",
+    ]);
+    let text = CRANE.replace("mass_kg = 69.0", "mass_kg = 10.0").replace("0.079", "0.004");
+    let robot = file(&folder, "light.toml", &text);
+    let by_file = cdpr(&[
+        "enumerate",
+        "--robot",
+        &robot,
+        "--position",
+        "0.96733,11.3833,1.65",
+        "--format",
+        "json",
+    ]);
+    assert_eq!(stdout(&by_option.success()), stdout(&by_file.success()));
+    let negative = cdpr(&["--position", "-0.5,8,3", "--rotation-vector", "-0.1,0,0.05"]);
+    negative.success();
+}
+
+#[test]
+fn every_mistake_in_a_robot_file_is_named() {
+    let folder = TempDir::new().expect("a folder");
+    let line_of = |needle: &str| {
+        1 + CRANE
+            .lines()
+            .position(|line| line.starts_with(needle))
+            .expect("a line of the robot file")
+    };
+    // What is replaced, by what, and what the message must hold besides the file and the line of it.
+    let mistakes = [
+        ("mass_kg = 69.0", "mass_kg = -1.0", "platform.mass_kg: -1 is not positive"),
+        ("mass_kg = 69.0", "mass_kg = nan", "platform.mass_kg: NaN is not positive"),
+        ("mass_kg = 69.0", "mass_kg = \"heavy\"", "platform.mass_kg: invalid type"),
+        ("mass_kg = 69.0", "mass = 69.0", "unknown field `mass`"),
+        ("axial_stiffness_n = 12", "axial_stiffness_n = -12", "cable.axial_stiffness_n: -1256637"),
+        ("linear_density_kg_m = 0.079", "linear_density_kg_m = 0", "cable.linear_density_kg_m"),
+        ("max_length_m = 5000.0", "max_length_m = 0.0", "cable.max_length_m: 0 is not positive"),
+        (
+            "anchor_m = [9.538, ",
+            "anchor_m = [nan, ",
+            "cables[3].anchor_m: a coordinate is not finite",
+        ),
+        ("anchor_m = [9.538, ", "anchor_m = [", "cables[3].anchor_m"),
+        (
+            "anchor_m = [9.538, 3.797, 11.533]",
+            "anchor_m = [9.421, -3.482, 11.555]",
+            "cables[3].anchor_m: cables 2 and 3 leave from the same anchor",
+        ),
+        ("center_of_mass_m = [0.0", "center_of_mass_m = [inf", "platform.center_of_mass_m"),
+        ("gravity_m_s2 = 9.81", "gravity_m_s2 = -9.81", "gravity_m_s2: -9.81 is not positive"),
+        ("name = \"MARIONET-CRANE\"", "name = \"MARIONET-CRANE", "TOML"),
+    ];
+    for (right, wrong, message) in mistakes {
+        assert!(CRANE.contains(right), "{right}");
+        let robot = file(&folder, "bad.toml", &CRANE.replacen(right, wrong, 1));
+        let place = format!("bad.toml:{}:", line_of(right));
+        assert_refused(
+            &["enumerate", "--robot", &robot, "--position", "4,7,2"],
+            &[&place, message],
+        );
+    }
+    let five = CRANE.rsplit_once("[[cables]]").expect("cables").0;
+    let robot = file(&folder, "five.toml", five);
+    assert_refused(
+        &["enumerate", "--robot", &robot, "--position", "4,7,2"],
+        &["five.toml:", "cables: 5 cables"],
+    );
+    let robot = file(&folder, "none.toml", &CRANE.replace("anchor_m = [5.570, 20.414, 8.704]", ""));
+    assert_refused(
+        &["enumerate", "--robot", &robot, "--position", "4,7,2"],
+        &["cables[4]", "missing field `anchor_m`"],
+    );
+    let missing = folder.path().join("nowhere.toml");
+    assert_refused(
+        &["--robot", missing.to_str().unwrap(), "--position", "4,7,2"],
+        &["nowhere.toml"],
+    );
+}
+
+#[test]
+fn every_mistake_on_the_command_line_is_named() {
+    assert_refused(&["--position", "1,2"], &["--position", "2 numbers given, three needed"]);
+    assert_refused(&["--position", "1,2,x"], &["--position", "'x' is not a number"]);
+    assert_refused(&["--position", "1,2,nan"], &["--position", "not finite"]);
+    assert_refused(&["--mass", "0"], &["--mass", "not positive"]);
+    assert_refused(&["--max-tension", "-5"], &["--max-tension", "not positive"]);
+    assert_refused(&["--model", "chain"], &["--model", "irvine", "parabolic"]);
+    assert_refused(&["--rotation-vector", "0,0,1"], &["--position"]);
+    assert_refused(&["--cases", "a.json", "--position", "1,2,3"], &["--cases", "--position"]);
+    // Attachment 1 on anchor 1.
+    assert_refused(&["--position", "-3.159,0.455,8.856"], &["--position", "cable 1"]);
+}
+
+#[test]
+fn cases_are_run_as_array_and_as_lines() {
+    let folder = TempDir::new().expect("a folder");
+    let cases = [
+        r#"{"position_m": [4, 7, 2], "mass_kg": 69, "claim": "one"}"#,
+        r#"{"position_m": [0, 0, 2], "solutions": []}"#,
+        r#"{"position_m": [0.96733, 11.3833, 1.65], "mass_kg": 10, "linear_density_kg_m": 0.004}"#,
+    ];
+    let array = file(&folder, "cases.json", &format!("[{}]", cases.join(",\n")));
+    let lines = file(&folder, "cases.jsonl", &cases.join("\n"));
+    let by_array = stdout(&cdpr(&["enumerate", "--cases", &array, "--format", "json"]).success());
+    assert_eq!(
+        by_array,
+        stdout(&cdpr(&["enumerate", "--cases", &lines, "--format", "json"]).success())
+    );
+    let counts: Vec<_> = by_array
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).expect("one JSON document a line"))
+        .map(|answer| answer["solutions"].as_array().map_or(0, Vec::len))
+        .collect();
+    assert_eq!(counts, [1, 0, 5]);
+
+    for (wrong, message) in [
+        (r#"{"position_m": [4, 7, 2], "mas_kg": 69}"#, "unknown field `mas_kg`"),
+        (r#"{"position_m": [4, 7]}"#, "invalid length 2"),
+        (r#"{"position_m": [4, 7, 2], "mass_kg": -3}"#, "mass_kg: -3 is not positive"),
+        (r#"{"position_m": [-3.159, 0.455, 8.856]}"#, "cable 1"),
+        ("{", "EOF"),
+    ] {
+        let bad = file(&folder, "bad.jsonl", &format!("{}\n{wrong}\n", cases[0]));
+        assert_refused(&["enumerate", "--cases", &bad], &["bad.jsonl: case 2", message]);
+    }
+    assert_refused(&["enumerate", "--cases", "nowhere.json"], &["nowhere.json"]);
+}
+
+#[test]
+fn a_reader_may_leave_early() {
+    let folder = TempDir::new().expect("a folder");
+    let case = r#"{"position_m": [0.96733, 11.3833, 1.65], "mass_kg": 10}"#;
+    let cases = file(&folder, "many.jsonl", &format!("{case}\n").repeat(2000));
+    let mut child = Process::new(CDPR)
+        .args(["enumerate", "--cases", &cases])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut line).expect("a line");
+    assert!(line.starts_with("MARIONET-CRANE"), "{line}");
+    let output = child.wait_with_output().expect("the program ends");
+    assert!(output.status.success());
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn help_names_units() {
+    let help = stdout(&cdpr(&["enumerate", "--help"]).success());
+    for unit in ["m", "rad", "kg", "kg/m", "N"] {
+        assert!(help.contains(unit), "{unit} in {help}");
+    }
+    assert!(help.contains("--axial-stiffness <N>") && help.contains("world frame, m"), "{help}");
+}
