@@ -103,6 +103,7 @@ impl<T: Scalar> CablePlane<T> {
 
 #[cfg(test)]
 mod tests {
+    use libm::{cos, sin};
     use nalgebra::{UnitQuaternion, Vector3};
 
     use super::*;
@@ -113,8 +114,8 @@ mod tests {
         let cables = core::array::from_fn(|i| {
             let i = i as f64;
             Cable {
-                anchor_m: Vector3::new(3.0 * i.sin() + i, 4.0 * (2.0 * i).cos(), 8.0 - i),
-                attachment_m: Vector3::new((1.0 + i).cos(), (3.0 * i).sin(), 0.1 * i * i),
+                anchor_m: Vector3::new(3.0 * sin(i) + i, 4.0 * cos(2.0 * i), 8.0 - i),
+                attachment_m: Vector3::new(cos(1.0 + i), sin(3.0 * i), 0.1 * i * i),
                 model: (),
             }
         });

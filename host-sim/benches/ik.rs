@@ -101,8 +101,8 @@ mod step {
     const TOLERANCE: f64 = 1e-5;
     /// What a further step may change.
     const ERROR: f64 = 1e-9;
-    /// Largest condition number on the path is below this.
-    const CONDITION: f32 = 32.0;
+    /// The largest condition number on the path is 59.5.
+    const CONDITION: f32 = 64.0;
     /// Forces are uncertain by the rounding unit times the condition number; the extrapolation
     /// triples that of the two solutions it starts from.
     const TOLERANCE_F32: f32 = 4.0 * CONDITION * f32::EPSILON;

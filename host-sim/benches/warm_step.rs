@@ -25,7 +25,6 @@ const ERROR: f64 = 1e-9;
 const TURNS: usize = 20;
 
 fn main() {
-    probe();
     let mut walker = Walker::on_circle(TOLERANCE, ERROR);
     let mut times_ns = Vec::with_capacity(TURNS * TICKS);
     for _ in 0..TURNS * TICKS {
@@ -79,24 +78,4 @@ fn problem(mut walker: Walker<f64>) -> Value {
         "positions_m": (0..TICKS).map(position_m).collect::<Vec<_>>(),
         "states": states,
     })
-}
-#[test]
-fn x() {}
-pub(crate) fn probe() {
-    use cdpr_core::NewtonStep;
-    let mut w = Walker::<f32>::on_circle(1e-3, 1e-3);
-    let mut v = Walker::<f64>::on_circle(1e-3, 1e-3);
-    let (mut a, mut b, mut c, mut d, mut e) = (0.0f32, 0.0f32, 0.0f64, 0.0f64, 0.0f64);
-    while w.tick != v.tick { v.warm_tick(); }
-    for _ in 0..TICKS {
-        a = a.max(w.warm_tick());
-        c = c.max(v.warm_tick());
-        let s = w.step(&w.states).unwrap();
-        b = b.max(s.relative_change);
-        let s = v.step(&v.states).unwrap();
-        d = d.max(s.condition());
-        e = e.max(s.relative_change);
-        let _: Option<NewtonStep<f32>> = None;
-    }
-    println!("f32 step {a:e} left {b:e}; f64 step {c:e} left {e:e} cond {d} eps*cond {:e}", d * f64::from(f32::EPSILON));
 }

@@ -47,7 +47,17 @@ pub struct FoundSolution {
     /// Largest height of the chord above the cable, m; of its upper end for a vertical cable.
     pub sags_m: [f64; CABLES],
     /// Where the inverse scheme leads, if it was asked for.
-    pub retraced: Option<Option<SlackSet>>,
+    pub retraced: Option<Retraced>,
+}
+
+/// Where the inverse scheme leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(untagged)]
+pub enum Retraced {
+    /// To this rigid solution.
+    Rigid(SlackSet),
+    /// To none.
+    Nowhere,
 }
 
 /// Everything found for one pose.
@@ -117,8 +127,10 @@ impl Request {
             })
             .map(|solution| FoundSolution {
                 sags_m: std::array::from_fn(|i| sag_m(&problem, solution, i)),
-                retraced: retrace
-                    .then(|| continuation::inverse(&problem, &rigid.solutions, solution)),
+                retraced: retrace.then(|| {
+                    continuation::inverse(&problem, &rigid.solutions, solution)
+                        .map_or(Retraced::Nowhere, Retraced::Rigid)
+                }),
                 solution: solution.clone(),
             })
             .collect();

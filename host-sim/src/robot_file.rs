@@ -131,10 +131,10 @@ impl Source<'_> {
         field: &str,
         message: impl fmt::Display,
     ) -> RobotFileError {
-        let before = &self.text.as_bytes()[..place.start.min(self.text.len())];
+        let before = self.text.get(..place.start).unwrap_or_default();
         RobotFileError::Content {
             path: self.path.to_owned(),
-            line: 1 + before.iter().filter(|&&byte| byte == b'\n').count(),
+            line: 1 + before.matches('\n').count(),
             field: field.to_owned(),
             message: message.to_string(),
         }
@@ -185,19 +185,15 @@ impl Source<'_> {
 /// The path of a field with array indices counted from 1, like the cables everywhere else.
 fn from_one(path: &serde_path_to_error::Path) -> String {
     use serde_path_to_error::Segment;
-    let mut text = String::new();
-    for segment in path {
-        match segment {
-            // The inside of a value that remembers its place.
-            Segment::Map { key } if key.starts_with('$') => {}
-            Segment::Seq { index } => text += &format!("[{}]", index + 1),
-            Segment::Map { key } if text.is_empty() => text += key,
-            Segment::Map { key } => text += &format!(".{key}"),
-            Segment::Enum { variant } => text += &format!(".{variant}"),
-            Segment::Unknown => text += "?",
-        }
-    }
-    if text.is_empty() { "top level".to_owned() } else { text }
+    let segments = path.iter().filter_map(|segment| match segment {
+        Segment::Seq { index } => Some(format!("[{}]", index + 1)),
+        // The inside of a value that remembers its place.
+        Segment::Map { key } if key.starts_with('$') => None,
+        Segment::Map { key } | Segment::Enum { variant: key } => Some(format!(".{key}")),
+        Segment::Unknown => Some(".?".to_owned()),
+    });
+    let text: String = segments.collect();
+    if text.is_empty() { "top level".to_owned() } else { text.trim_start_matches('.').to_owned() }
 }
 
 #[derive(Deserialize)]

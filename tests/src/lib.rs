@@ -222,3 +222,11 @@ pub fn paper_cases() -> Vec<PoseCase> {
 pub fn random_cases() -> Vec<PoseCase> {
     serde_json::from_str(include_str!("../data/random.json")).expect("data/random.json")
 }
+
+/// How many random tests to make where `ordinary` are enough for every day: a hundred times as many
+/// when the environment variable `CDPR_LONG` is set.
+#[must_use]
+pub fn random_tests(ordinary: u32) -> u32 {
+    let long = std::env::var_os("CDPR_LONG").is_some_and(|value| !value.is_empty());
+    if long { 100 * ordinary } else { ordinary }
+}

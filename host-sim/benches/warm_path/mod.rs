@@ -102,7 +102,7 @@ impl<T: Real> Walker<T> {
 
     /// A Newton step at the present pose.
     #[inline]
-    pub(crate) fn step(&self, states: &States<T>) -> Result<NewtonStep<T>, StepFault> {
+    fn step(&self, states: &States<T>) -> Result<NewtonStep<T>, StepFault> {
         NewtonStep::new(&self.robot, &self.balance, states)
     }
 

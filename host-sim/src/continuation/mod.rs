@@ -144,7 +144,7 @@ impl fmt::Display for Branch {
                 write!(f, "ends in a fold with branch {partner}")?;
             }
             BranchEnd::CameBackElsewhere => {
-                write!(f, "turns back in a fold, to no rigid solution")?
+                write!(f, "turns back in a fold, to no rigid solution")?;
             }
             BranchEnd::RanAway { cable, quantity: q, deformation } => {
                 write!(
@@ -158,7 +158,7 @@ impl fmt::Display for Branch {
                 write!(f, "cable {} is slack, and without weight it exerts no force", cable + 1)?;
             }
             BranchEnd::SingularStart => {
-                write!(f, "singular start: no solution beside the rigid one")?
+                write!(f, "singular start: no solution beside the rigid one")?;
             }
             BranchEnd::Stalled { deformation } => {
                 write!(f, "singular point at s = {deformation:.6}")?;

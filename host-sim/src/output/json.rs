@@ -4,7 +4,7 @@ use cdpr_core::CABLES;
 use serde::Serialize;
 
 use crate::continuation::{Branch, BranchEnd};
-use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request};
+use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request, Retraced};
 use crate::rigid::{RigidSolution, SlackSet};
 
 /// The answer to `request` as one JSON document; lengths in m, forces (on the cable at B) in N.
@@ -100,7 +100,7 @@ struct Solution {
     vertical_cables: Vec<usize>,
     /// Only with `--retrace`: where the inverse scheme leads, null when to no rigid solution.
     #[serde(skip_serializing_if = "Option::is_none")]
-    retraced_slack_set: Option<Option<SlackSet>>,
+    retraced_slack_set: Option<Retraced>,
 }
 
 impl From<&FoundSolution> for Solution {
@@ -125,8 +125,7 @@ impl From<&FoundSolution> for Solution {
 #[derive(Serialize)]
 struct BranchReport {
     rigid_slack_set: SlackSet,
-    /// One of solution, beyond_limit, met_branch, came_back_elsewhere, ran_away, weightless,
-    /// singular_start, stalled, doubtful.
+    /// The name of the [`BranchEnd`], in snake case.
     end: &'static str,
     /// The partner, when two branches meet.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cdpr_core::CABLES;
 use comfy_table::{CellAlignment, Table, presets};
 
-use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request};
+use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request, Retraced};
 
 /// The answer to `request` as text.
 #[must_use]
@@ -122,10 +122,10 @@ fn solution_text(number: usize, found: &FoundSolution) -> String {
     }
     let _ = writeln!(out, "{table}");
     match found.retraced {
-        Some(Some(set)) => {
+        Some(Retraced::Rigid(set)) => {
             let _ = writeln!(out, "Retraced: the inverse scheme leads to rigid slack set {set}");
         }
-        Some(None) => {
+        Some(Retraced::Nowhere) => {
             let _ = writeln!(out, "Retraced: the inverse scheme leads to no rigid solution");
         }
         None => {}
