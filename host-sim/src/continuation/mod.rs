@@ -22,7 +22,7 @@ use path::{End, Path, follow, restore_full_model};
 use step::converge;
 use system::{DEFORMATION, Point, System};
 
-pub use path::{Fold, Quantity};
+pub use path::Fold;
 
 /// Sag and stretch of the least loaded cable, relative to its length, where paths start: small
 /// enough for the rigid solution to be a start for Newton.
@@ -37,6 +37,24 @@ const IDENTIFIED: f64 = 0.1;
 const SAME: f64 = 1e-8;
 /// Steps are this many times shorter when paths are followed once more.
 const CAREFUL: f64 = 8.0;
+
+/// What a limit is set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Rest length.
+    Length,
+    /// Tension at either end.
+    Tension,
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Length => "length",
+            Self::Tension => "tension",
+        })
+    }
+}
 
 /// A solution of the inverse kinematics.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +74,15 @@ pub struct Solution {
     pub vertical: [bool; CABLES],
 }
 
-/// Why a branch gave no solution.
+impl Solution {
+    /// Largest tension of a cable (counted from 0), which is at one of its ends, N.
+    #[must_use]
+    pub fn tension_n(&self, cable: usize) -> f64 {
+        self.states[cable].tension_at_attachment_n().max(self.anchor_tensions_n[cable])
+    }
+}
+
+/// How a branch ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BranchEnd {
     /// It arrived at full deformation, within all limits.
@@ -74,12 +100,10 @@ pub enum BranchEnd {
     MetBranch(SlackSet),
     /// It turned back in a fold and came down to no known rigid solution.
     CameBackElsewhere,
-    /// It ran off to infinity before full deformation.
+    /// A tension ran off to infinity before full deformation.
     RanAway {
         /// The cable, counted from 0.
         cable: usize,
-        /// What grew without bound.
-        quantity: Quantity,
         /// Where it was given up.
         deformation: f64,
     },
@@ -118,27 +142,14 @@ pub struct Branch {
 impl fmt::Display for Branch {
     /// One sentence that says how the branch ended.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let quantity = |q: &Quantity| match q {
-            Quantity::Length => "length",
-            Quantity::Tension => "tension",
-        };
         match &self.end {
             BranchEnd::Solution(_) => write!(f, "arrives")?,
-            BranchEnd::BeyondLimit { solution, cable, quantity: q } => {
-                let state = &solution.states[*cable];
-                let value = match q {
-                    Quantity::Length => format!("{:.3} m", state.rest_length_m),
-                    Quantity::Tension => format!(
-                        "{:.3} N",
-                        state.tension_at_attachment_n().max(solution.anchor_tensions_n[*cable])
-                    ),
+            BranchEnd::BeyondLimit { solution, cable, quantity } => {
+                let value = match quantity {
+                    Quantity::Length => format!("{:.3} m", solution.states[*cable].rest_length_m),
+                    Quantity::Tension => format!("{:.3} N", solution.tension_n(*cable)),
                 };
-                write!(
-                    f,
-                    "arrives beyond a limit: {} of cable {} is {value}",
-                    quantity(q),
-                    cable + 1
-                )?;
+                write!(f, "arrives beyond a limit: {quantity} of cable {} is {value}", cable + 1)?;
             }
             BranchEnd::MetBranch(partner) => {
                 write!(f, "ends in a fold with branch {partner}")?;
@@ -146,13 +157,9 @@ impl fmt::Display for Branch {
             BranchEnd::CameBackElsewhere => {
                 write!(f, "turns back in a fold, to no rigid solution")?;
             }
-            BranchEnd::RanAway { cable, quantity: q, deformation } => {
-                write!(
-                    f,
-                    "{} of cable {} grows without bound at s = {deformation:.6}",
-                    quantity(q),
-                    cable + 1
-                )?;
+            BranchEnd::RanAway { cable, deformation } => {
+                let number = cable + 1;
+                write!(f, "tension of cable {number} grows without bound at s = {deformation:.6}")?;
             }
             BranchEnd::Weightless { cable } => {
                 write!(f, "cable {} is slack, and without weight it exerts no force", cable + 1)?;
@@ -232,8 +239,8 @@ fn branch<M: CableModel<f64>>(
     let end = match &path.end {
         End::Top(point) => arrival(problem, origin.slack, point, &path),
         End::Bottom(point) => come_back(problem, rigid, point, &path),
-        End::RanAway { cable, quantity, deformation } => {
-            BranchEnd::RanAway { cable: *cable, quantity: *quantity, deformation: *deformation }
+        End::RanAway { cable, deformation } => {
+            BranchEnd::RanAway { cable: *cable, deformation: *deformation }
         }
         End::Stalled { deformation } => BranchEnd::Stalled { deformation: *deformation },
     };
@@ -349,11 +356,9 @@ fn arrival<M: CableModel<f64>>(
         vertical: path.vertical,
     };
     for (cable, limits) in problem.limits.iter().enumerate() {
-        let state = &solution.states[cable];
-        let tension_n = state.tension_at_attachment_n().max(solution.anchor_tensions_n[cable]);
-        let quantity = if state.rest_length_m > limits.max_length_m {
+        let quantity = if solution.states[cable].rest_length_m > limits.max_length_m {
             Quantity::Length
-        } else if tension_n > limits.max_tension_n {
+        } else if solution.tension_n(cable) > limits.max_tension_n {
             Quantity::Tension
         } else {
             continue;

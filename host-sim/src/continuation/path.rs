@@ -24,9 +24,9 @@ const FOLD_STEPS: usize = 60;
 /// A fold is found when the tangent turns within this part of its unit length: the error of the
 /// deformation there is of its square.
 const FOLD_TOLERANCE: f64 = 1e-8;
-/// A path has run away when a tension, or the weight of a cable relative to that of the longest one
-/// allowed, is this many times its limit; until then it may come back.
-const RUN_AWAY: f64 = 1e3;
+/// A path has run away when a tension is this many times the load: a slack cable that long would
+/// weigh as much, and no path of the reference cases comes near.
+const RUN_AWAY: f64 = 1e6;
 /// The simplified model takes over where the horizontal force is this part of the whole.
 const NEARLY_VERTICAL: f64 = 1e-7;
 
@@ -39,15 +39,6 @@ pub struct Fold {
     pub states: [CableState<f64>; CABLES],
 }
 
-/// Which limit a path has left far behind.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// Rest length.
-    Length,
-    /// Tension.
-    Tension,
-}
-
 /// How a path ended.
 #[derive(Clone, Debug)]
 pub(super) enum End {
@@ -55,8 +46,8 @@ pub(super) enum End {
     Top(Point),
     /// At the lower end of the deformation.
     Bottom(Point),
-    /// A quantity of a cable grew without bound.
-    RanAway { cable: usize, quantity: Quantity, deformation: f64 },
+    /// The tension of a cable grew without bound.
+    RanAway { cable: usize, deformation: f64 },
     /// The steps became too short: a singular point that is no fold.
     Stalled { deformation: f64 },
 }
@@ -236,20 +227,11 @@ fn locate_fold<M: CableModel<f64>>(
     Fold { deformation: best.1.deformation(), states: best.1.states }
 }
 
-/// Whether a quantity has grown so far beyond its limit that it will not come back.
+/// Whether a tension has grown so far beyond the load that it will not come back.
 fn run_away<M: CableModel<f64>>(system: &System<'_, M>, here: &Point) -> Option<End> {
-    let deformation = here.deformation();
-    (0..CABLES).find_map(|cable| {
-        let (state, limits) = (&here.states[cable], &system.problem.limits[cable]);
-        let quantity = if state.force_n.norm() > RUN_AWAY * limits.max_tension_n {
-            Quantity::Tension
-        } else if state.rest_length_m * deformation > RUN_AWAY * limits.max_length_m {
-            Quantity::Length
-        } else {
-            return None;
-        };
-        Some(End::RanAway { cable, quantity, deformation })
-    })
+    let bound_n = RUN_AWAY * system.problem.balance.wrench_n().amax();
+    let cable = here.states.iter().position(|state| state.force_n.norm() > bound_n)?;
+    Some(End::RanAway { cable, deformation: here.deformation() })
 }
 
 /// Puts the full model back where the simplified one stands, one cable at a time, whenever Newton
