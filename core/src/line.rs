@@ -101,8 +101,9 @@ fn polish<T: Real, M: CableModel<T>>(
     let mut force_n = start_n;
     let mut best = LineSolution { force_n, residual_m: T::HUGE, iterations };
     for step in 0..=POLISH_STEPS {
-        let end = model.end_point(force_n, rest_length_m);
-        let (gx, gz) = (end.position_m.x - x_m, end.position_m.y - z_m);
+        // Without the derivative, which is needed only when rounding was unkind.
+        let end = model.end_point(force_n, rest_length_m).position_m;
+        let (gx, gz) = (end.x - x_m, end.y - z_m);
         let residual_m = gx.abs().max(gz.abs());
         let improved = residual_m < best.residual_m;
         if !improved {
@@ -112,7 +113,7 @@ fn polish<T: Real, M: CableModel<T>>(
         if residual_m <= good {
             break;
         }
-        let j = &end.jacobian;
+        let j = model.end_point(force_n, rest_length_m).jacobian;
         let determinant = j.m11 * j.m22 - j.m12 * j.m21;
         let dx = (j.m22 * gx - j.m12 * gz) / determinant;
         let dz = (j.m11 * gz - j.m21 * gx) / determinant;
@@ -134,8 +135,12 @@ fn polish<T: Real, M: CableModel<T>>(
 /// With `q = tanh a` the second denominator is `(L (a/sinh a + e/cosh a))^2`, so the left side
 /// falls strictly with `S`, from infinity at `S = W` (`x > 0`) to zero (or to `(d/L)^2` when
 /// `1/EA = 0`): there is exactly one root, and none only for an inextensible cable that is too
-/// short. Multiplied out, `g = (1 - c^2)(1 - q^2) - (..)^2`, the equation is close to linear in
-/// `S - W`, for taut cables (through `e`) as well as for slack ones (through `1 - q^2`).
+/// short. Multiplied out, so that nothing is divided, the equation is close to linear in `S - W`,
+/// for taut cables (through `e`) as well as for slack ones (through `1 - q^2`):
+///
+/// ```text
+/// g = ((1 + e)^2 - (z/L)^2) (1 - q^2) (atanh(q)/q + e)^2 - (x/L)^2 (1 + e)^2
+/// ```
 pub(crate) fn catenary_force<T: Real>(
     model: &IrvineCatenary<T>,
     x_m: T,
@@ -184,25 +189,23 @@ pub(crate) fn catenary_force<T: Real>(
         last = (u, sag, sag_slope, half_sag_curvature);
         let stretch = one + unit_strain * s;
         let wide = stretch + sag;
-        let inverse = one / (stretch * wide);
-        let (per_stretch, per_wide) = (inverse * wide, inverse * stretch);
-        let (c, across) = (zeta * per_stretch, xi * per_wide);
-        let (c2, across2) = (c * c, across * across);
-        // g = a o - b with a = 1 - c^2, o = 1 - q^2, b = across^2, and their derivatives by s.
-        let (thin, widen) = (unit_strain * per_stretch, (sag_slope + unit_strain) * per_wide);
-        let (a, a_half_slope, a_half_curvature) = (one - c2, c2 * thin, -three * c2 * thin * thin);
-        let (o, o_half_slope) = (u * (s + one) * (q * q), q * q * q);
-        let o_half_curvature = -three * o_half_slope * q;
-        let b_half_curvature =
-            across2 * (three * widen * widen - two * half_sag_curvature * per_wide);
+        let widening = sag_slope + unit_strain;
+        // g = a o w - b with a = stretch^2 - zeta^2, o = 1 - q^2, w = wide^2, b = (xi stretch)^2,
+        // and half of their derivatives by s.
+        let (a, a_slope) = (stretch * stretch - zeta * zeta, unit_strain * stretch);
+        let a_curvature = unit_strain * unit_strain;
+        let (o, o_slope) = (u * (s + one) * (q * q), q * q * q);
+        let o_curvature = -three * o_slope * q;
+        let (w, w_slope) = (wide * wide, wide * widening);
+        let w_curvature = widening * widening + two * wide * half_sag_curvature;
+        let (ow, ow_slope) = (o * w, o_slope * w + o * w_slope);
+        let ow_curvature = o_curvature * w + four * o_slope * w_slope + o * w_curvature;
+        let xi_sq = xi * xi;
         Taylor {
-            value: a * o - across2,
-            slope: two * (a_half_slope * o + a * o_half_slope + across2 * widen),
+            value: a * ow - xi_sq * (stretch * stretch),
+            slope: two * (a_slope * (ow - xi_sq) + a * ow_slope),
             curvature: two
-                * (a_half_curvature * o
-                    + four * a_half_slope * o_half_slope
-                    + a * o_half_curvature
-                    - b_half_curvature),
+                * (a_curvature * (ow - xi_sq) + four * a_slope * ow_slope + a * ow_curvature),
         }
     };
     let start = catenary_start(xi, zeta, distance_sq, unit_strain);
@@ -228,14 +231,19 @@ pub(crate) fn catenary_force<T: Real>(
 #[inline]
 fn catenary_start<T: Real>(xi: T, zeta: T, distance_sq: T, unit_strain: T) -> T {
     let (one, half) = (T::one(), T::constant(0.5));
-    // Near taut, to second order in q: e = excess + (xi^2/6) q^2.
+    // Near taut, to second order in q = 1/s: unit_strain s = excess + bow / s^2, a cubic for s.
     let excess = half * (distance_sq - one);
     let bow = xi * xi * T::constant(1.0 / 6.0);
     if excess >= T::zero() {
         let straight = excess / unit_strain;
         let bent = (bow / unit_strain).rough_cbrt();
         let share = bent / (straight + bent);
-        return (straight + bent * share * share - one).max(half);
+        let s = straight + bent * share * share;
+        // One Newton step on the cubic, where its two limits meet.
+        let three_halves = T::constant(1.5);
+        let slope = s * (three_halves * unit_strain * s - excess);
+        let change = half * ((unit_strain * s - excess) * s * s - bow) / slope;
+        return (s - change - one).max(half);
     }
     // Inextensible: sinh(a)/a = ratio with q = tanh(a), that is S/W = coth(a).
     let ratio = ((one - zeta) * (one + zeta)).max(T::zero()).sqrt() / xi;
@@ -244,16 +252,17 @@ fn catenary_start<T: Real>(xi: T, zeta: T, distance_sq: T, unit_strain: T) -> T 
         // 1 + a^2/6 + a^4/120 = ratio, and coth^2(a) = 1 + 1/sinh^2(a).
         let root = (one + T::constant(1.2) * surplus).sqrt();
         let a_sq = T::constant(12.0) * surplus / (one + root);
-        let sag = one + one / (ratio * ratio * a_sq);
-        let s_sq = if unit_strain > T::zero() {
-            // Stretch takes over where the parabola would be tighter than it allows.
-            let bent = (bow / unit_strain).rough_cbrt();
-            let bent_sq = (one + bent) * (one + bent);
-            sag * bent_sq / (sag + bent_sq)
+        let opening = one / (ratio * ratio * a_sq);
+        let s = (one + opening).sqrt();
+        let u = opening / (s + one);
+        // Stretch, by one Newton step on the cubic, or from its other end where it dominates.
+        let softness = unit_strain * s * s * s;
+        return if softness < bow {
+            (u - s * softness / (bow + bow + T::constant(3.0) * softness)).max(half * u)
         } else {
-            sag
+            let bent = (bow / unit_strain).rough_cbrt();
+            (bent + excess / (T::constant(3.0) * unit_strain)).max(half * bent)
         };
-        return (s_sq.max(sag.min(T::constant(1.1))).sqrt() - one).max(T::constant(1e-3));
     }
     // Slack: a = ln(2 ratio a), one Newton step from a fit that is good to 5 %.
     let level = (ratio + ratio).rough_ln();

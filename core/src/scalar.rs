@@ -64,10 +64,11 @@ pub trait Real: Scalar + PartialOrd {
     /// Natural logarithm of a positive number.
     #[must_use]
     fn ln(self) -> Self;
-    /// Natural logarithm to single precision, for where a search starts.
+    /// Natural logarithm of a positive number to 0.01, in a few instructions: for where a search
+    /// starts.
     #[must_use]
     fn rough_ln(self) -> Self;
-    /// Cube root to single precision, for where a search starts.
+    /// Cube root of a positive number to 5 %, in a few instructions: for where a search starts.
     #[must_use]
     fn rough_cbrt(self) -> Self;
     /// False for infinities and NaN.
@@ -89,7 +90,7 @@ pub trait Real: Scalar + PartialOrd {
 }
 
 macro_rules! implement_for_float {
-    ($float:ident, $sqrt:ident, $log:ident,
+    ($float:ident, $bits:ident, $sqrt:ident, $log:ident,
      near: $near:expr, $near_terms:expr, far: $far:expr, $far_terms:expr, bisections: $bisections:expr) => {
         impl Scalar for $float {
             #[inline]
@@ -142,15 +143,24 @@ macro_rules! implement_for_float {
             }
 
             #[inline]
-            #[allow(clippy::cast_possible_truncation, clippy::cast_lossless)]
             fn rough_ln(self) -> Self {
-                libm::logf(self as f32) as $float
+                // x = 2^n m: n is the exponent, and log2(m) on [1, 2) is nearly a parabola.
+                const ONE: $bits = (1.0 as $float).to_bits();
+                let bits = self.to_bits();
+                let n = (bits >> ($float::MANTISSA_DIGITS - 1)) as i32
+                    - (ONE >> ($float::MANTISSA_DIGITS - 1)) as i32;
+                let m =
+                    $float::from_bits((bits & ((1 << ($float::MANTISSA_DIGITS - 1)) - 1)) | ONE);
+                core::$float::consts::LN_2 * (n as $float + (2.0 - m / 3.0) * m - 5.0 / 3.0)
             }
 
             #[inline]
-            #[allow(clippy::cast_possible_truncation, clippy::cast_lossless)]
             fn rough_cbrt(self) -> Self {
-                libm::cbrtf(self as f32) as $float
+                // The bits of a float are nearly its logarithm, which is divided by three (W. Kahan).
+                const ONE: $bits = (1.0 as $float).to_bits();
+                const SHIFT: $bits =
+                    ONE / 3 * 2 - (1 << (($float::MANTISSA_DIGITS - 1) - 5)) / 3 * 2;
+                $float::from_bits(self.to_bits() / 3 + SHIFT)
             }
 
             #[inline]
@@ -167,8 +177,8 @@ macro_rules! implement_for_float {
 // in the tail, which the models only ever add to 1 after multiplying it by q^2 again.
 //
 // Bisections: log2(2 * 128 ln 2 / 2^-23) = 31 for f32, log2(2 * 1024 ln 2 / 2^-52) = 63 for f64.
-implement_for_float!(f32, sqrtf, logf, near: 1.0 / 64.0, 4, far: 1.0 / 16.0, 6, bisections: 32);
-implement_for_float!(f64, sqrt, log, near: 1.0 / 256.0, 7, far: 1.0 / 16.0, 13, bisections: 64);
+implement_for_float!(f32, u32, sqrtf, logf, near: 1.0 / 64.0, 4, far: 1.0 / 16.0, 6, bisections: 32);
+implement_for_float!(f64, u64, sqrt, log, near: 1.0 / 256.0, 7, far: 1.0 / 16.0, 13, bisections: 64);
 
 /// `1/3 + t/5 + t^2/7 + ...`, `TERMS` terms, by Horner's rule from the smallest.
 #[inline]
@@ -207,6 +217,20 @@ mod tests {
             let single = f32::atanh_tail(q as f32, complement as f32);
             let error = (f64::from(single) - expected) * q * q / (1.0 + q * q * expected);
             assert!(error.abs() < 3.0 * f64::from(f32::EPSILON), "f32, q = {q}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn rough_functions_are_as_rough_as_stated() {
+        let mut x = 1e-30_f64;
+        while x < 1e30 {
+            assert!((x.rough_ln() - libm::log(x)).abs() < 0.01, "{x:e}");
+            assert!((x.rough_cbrt() / libm::cbrt(x) - 1.0).abs() < 0.05, "{x:e}");
+            #[allow(clippy::cast_possible_truncation)]
+            let single = x as f32;
+            assert!((single.rough_ln() - libm::logf(single)).abs() < 0.01, "f32 {x:e}");
+            assert!((single.rough_cbrt() / libm::cbrtf(single) - 1.0).abs() < 0.05, "f32 {x:e}");
+            x *= 1.01;
         }
     }
 
