@@ -143,6 +143,11 @@ macro_rules! implement_for_float {
             }
 
             #[inline]
+            #[allow(
+                clippy::cast_possible_wrap,
+                clippy::cast_possible_truncation,
+                clippy::cast_lossless
+            )] // an exponent
             fn rough_ln(self) -> Self {
                 // x = 2^n m: n is the exponent, and log2(m) on [1, 2) is nearly a parabola.
                 const ONE: $bits = (1.0 as $float).to_bits();

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix2x3, Vector2};
 
 use super::tension_profile::TensionProfile;
-use super::{CableModel, EndPoint};
+use super::{CableModel, EndPoint, LinearElastic};
 use crate::line::{self, LineFault, LineSolution};
+use crate::root::{Taylor, monotone_root};
 use crate::{Real, Scalar};
 
 /// Elastic catenary: a cable with weight and linear stretch.
@@ -76,8 +77,7 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
         Self { weight_n_m: self.weight_n_m * s, compliance_per_n: self.compliance_per_n * s }
     }
 
-    /// One equation for `S` (see [`line::catenary_force`]); at most
-    /// [`line::root_iteration_bound`] iterations, usually 3 to 5.
+    /// One equation for `S`; at most [`line::root_iteration_bound`] iterations, usually 2.
     fn force_at_length(
         &self,
         x_m: T,
@@ -87,6 +87,187 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
     where
         T: Real,
     {
-        line::catenary_force(self, x_m, z_m, rest_length_m)
+        force_at_length(self, x_m, z_m, rest_length_m)
+    }
+}
+
+/// The force of a given length. In the elliptic coordinates `q = W/S`, `c` of the force the two
+/// equations of the end point give `c` and `Fx` explicitly, and the ellipse
+/// `4 Fx^2/(S^2 - W^2) + c^2 = 1` is one equation for `S` alone:
+///
+/// ```text
+/// (z / (L (1 + e)))^2 + (x / (L (atanh(q)/q + e)))^2 / (1 - q^2) = 1,      e = S / (2 EA)
+/// ```
+///
+/// With `q = tanh a` the second denominator is `(L (a/sinh a + e/cosh a))^2`, so the left side
+/// falls strictly with `S`, from infinity at `S = W` (`x > 0`) to zero (or to `(d/L)^2` when
+/// `1/EA = 0`): there is exactly one root, and none only for an inextensible cable that is too
+/// short. Multiplied out, so that nothing is divided, the equation is close to linear in `S - W`,
+/// for taut cables (through `e`) as well as for slack ones (through `1 - q^2`):
+///
+/// ```text
+/// g = ((1 + e)^2 - (z/L)^2) (1 - q^2) (atanh(q)/q + e)^2 - (x/L)^2 (1 + e)^2
+/// ```
+fn force_at_length<T: Real>(
+    model: &IrvineCatenary<T>,
+    x_m: T,
+    z_m: T,
+    rest_length_m: T,
+) -> Result<LineSolution<T>, LineFault> {
+    line::check_input(x_m, z_m, rest_length_m)?;
+    let (one, half) = (T::one(), T::constant(0.5));
+    let (two, three, four) = (T::constant(2.0), T::constant(3.0), T::constant(4.0));
+    let weight = model.weight_n_m * rest_length_m;
+    if weight <= T::zero() {
+        let massless = LinearElastic { compliance_per_n: model.compliance_per_n };
+        return massless.force_at_length(x_m, z_m, rest_length_m);
+    }
+    let per_length = one / rest_length_m;
+    let (xi, zeta) = (x_m * per_length, z_m * per_length);
+    // Strain for S = W; e = unit_strain S/W.
+    let unit_strain = half * model.compliance_per_n * weight;
+    let distance_sq = xi * xi + zeta * zeta;
+    if unit_strain <= T::zero() && distance_sq >= one {
+        return Err(LineFault::TooShort);
+    }
+    if x_m <= T::zero() {
+        return vertical_force(weight, unit_strain, z_m, rest_length_m);
+    }
+
+    // u = S/W - 1 is the unknown. sag = atanh(q)/q - 1 may cancel here: it is only added to one.
+    let far = T::constant(16.0);
+    let sag_at = |u: T, s: T, q: T, inverse_open: T| {
+        if s * s > far {
+            q * q * T::atanh_tail(q, u * q)
+        } else {
+            // (1 + q)/(1 - q) = (s + 1)^2 / ((s + 1) u)
+            half * s * ((s + one) * (s + one) * inverse_open).ln() - one
+        }
+    };
+    let mut last = (one, one, one, one);
+    let equation = |u: T| {
+        let s = one + u;
+        let q = one / s;
+        let inverse_open = one / ((s + one) * u); // q^2 / (1 - q^2)
+        let sag = sag_at(u, s, q, inverse_open);
+        // The sag obeys d sag/ds = (sag - 1/(s^2 - 1)) / s, hence d^2 sag/ds^2 = 2 / (s^2 - 1)^2.
+        let sag_slope = q * (sag - inverse_open);
+        let half_sag_curvature = inverse_open * inverse_open;
+        last = (u, sag, sag_slope, half_sag_curvature);
+        let stretch = one + unit_strain * s;
+        let wide = stretch + sag;
+        let widening = sag_slope + unit_strain;
+        // g = a o w - b with a = stretch^2 - zeta^2, o = 1 - q^2, w = wide^2, b = (xi stretch)^2,
+        // and half of their derivatives by s.
+        let (a, a_slope) = (stretch * stretch - zeta * zeta, unit_strain * stretch);
+        let a_curvature = unit_strain * unit_strain;
+        let (o, o_slope) = (u * (s + one) * (q * q), q * q * q);
+        let o_curvature = -three * o_slope * q;
+        let (w, w_slope) = (wide * wide, wide * widening);
+        let w_curvature = widening * widening + two * wide * half_sag_curvature;
+        let (ow, ow_slope) = (o * w, o_slope * w + o * w_slope);
+        let ow_curvature = o_curvature * w + four * o_slope * w_slope + o * w_curvature;
+        let xi_sq = xi * xi;
+        Taylor {
+            value: a * ow - xi_sq * (stretch * stretch),
+            slope: two * (a_slope * (ow - xi_sq) + a * ow_slope),
+            curvature: two
+                * (a_curvature * (ow - xi_sq) + four * a_slope * ow_slope + a * ow_curvature),
+        }
+    };
+    let start = search_start(xi, zeta, distance_sq, unit_strain);
+    let (u, iterations) =
+        monotone_root(equation, start, T::EPSILON.rough_cbrt()).ok_or(LineFault::OutOfRange)?;
+
+    // The last evaluation was within the settling step, where the Taylor series of the sag is exact.
+    let (last_u, last_sag, sag_slope, half_sag_curvature) = last;
+    let change = u - last_u;
+    let sag = last_sag + change * (sag_slope + change * half_sag_curvature);
+    let s = one + u;
+    let stretch = one + unit_strain * s;
+    let half_sum = half * weight * s;
+    let force_n = Vector2::new(
+        half_sum * (xi / (stretch + sag)),
+        half * weight + half_sum * (zeta / stretch),
+    );
+    line::polish(model, x_m, z_m, rest_length_m, force_n, iterations)
+}
+
+/// Where the search for `u = S/W - 1` starts: within some percent in each regime, which leaves two
+/// evaluations for nearly all cables. `xi = x/L`, `zeta = z/L`.
+#[inline]
+fn search_start<T: Real>(xi: T, zeta: T, distance_sq: T, unit_strain: T) -> T {
+    let (one, half) = (T::one(), T::constant(0.5));
+    // Near taut, to second order in q = 1/s: unit_strain s = excess + bow / s^2, a cubic for s.
+    let excess = half * (distance_sq - one);
+    let bow = xi * xi * T::constant(1.0 / 6.0);
+    if excess >= T::zero() {
+        let straight = excess / unit_strain;
+        let bent = (bow / unit_strain).rough_cbrt();
+        let share = bent / (straight + bent);
+        let s = straight + bent * share * share;
+        // One Newton step on the cubic, where its two limits meet.
+        let three_halves = T::constant(1.5);
+        let slope = s * (three_halves * unit_strain * s - excess);
+        let change = half * ((unit_strain * s - excess) * s * s - bow) / slope;
+        return (s - change - one).max(half);
+    }
+    // Inextensible: sinh(a)/a = ratio with q = tanh(a), that is S/W = coth(a).
+    let ratio = ((one - zeta) * (one + zeta)).max(T::zero()).sqrt() / xi;
+    let surplus = -(excess + excess) / (xi * xi * (ratio + one)); // ratio - 1
+    if surplus < T::constant(2.0) {
+        // 1 + a^2/6 + a^4/120 = ratio, and coth^2(a) = 1 + 1/sinh^2(a).
+        let root = (one + T::constant(1.2) * surplus).sqrt();
+        let a_sq = T::constant(12.0) * surplus / (one + root);
+        let opening = one / (ratio * ratio * a_sq);
+        let s = (one + opening).sqrt();
+        let u = opening / (s + one);
+        // Stretch, by one Newton step on the cubic, or from its other end where it dominates.
+        let softness = unit_strain * s * s * s;
+        return if softness < bow {
+            (u - s * softness / (bow + bow + T::constant(3.0) * softness)).max(half * u)
+        } else {
+            let bent = (bow / unit_strain).rough_cbrt();
+            (bent + excess / (T::constant(3.0) * unit_strain)).max(half * bent)
+        };
+    }
+    // Slack: a = ln(2 ratio a), one Newton step from a fit that is good to 5 %.
+    let level = (ratio + ratio).rough_ln();
+    let fit = half + T::constant(1.2) * level;
+    let a = fit + (level + fit.rough_ln() - fit) * (fit / (fit - one));
+    let growth = (ratio + ratio) * a;
+    // S/W = coth(a)
+    T::constant(2.0) / (growth * growth - one)
+}
+
+/// The limit `x -> 0` of the catenary, where the cable is a vertical line: taut below or above the
+/// anchor, or slack with its lowest point somewhere between the ends.
+fn vertical_force<T: Real>(
+    weight: T,
+    unit_strain: T,
+    z_m: T,
+    rest_length_m: T,
+) -> Result<LineSolution<T>, LineFault> {
+    let (one, half) = (T::one(), T::constant(0.5));
+    let zeta = z_m / rest_length_m;
+    let slack_slope = zeta / (one + unit_strain);
+    let fz = if slack_slope.abs() <= one {
+        // S = W
+        half * weight * (one + slack_slope)
+    } else {
+        // c = +-1 and 1 + e = |zeta|
+        let sum_over_weight = (zeta.abs() - one) / unit_strain;
+        let side = if zeta > T::zero() { one } else { -one };
+        half * weight * (one + side * sum_over_weight)
+    };
+    // Z = (Fz - W/2)(2L/S + L/EA), S = |Fz| + |Fz - W|
+    let sum = fz.abs() + (fz - weight).abs();
+    let middle = (fz + fz - weight) / weight;
+    let end = middle * rest_length_m * (weight / sum + unit_strain);
+    let residual_m = (end - z_m).abs();
+    if residual_m.is_finite() {
+        Ok(LineSolution { force_n: Vector2::new(T::zero(), fz), residual_m, iterations: 1 })
+    } else {
+        Err(LineFault::OutOfRange)
     }
 }

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix2x3, Vector2};
 
 use super::tension_profile::TensionProfile;
-use super::{CableModel, EndPoint};
+use super::{CableModel, EndPoint, LinearElastic};
 use crate::line::{self, LineFault, LineSolution};
+use crate::root::{Taylor, monotone_root};
 use crate::{Real, Scalar};
 
 /// Parabolic cable: its weight acts as if spread evenly over the chord, and it stretches by its
@@ -30,13 +31,13 @@ pub struct Parabola<T> {
 }
 
 /// Mean tension of a parabolic cable and its derivatives.
-pub(crate) struct MeanTension<T: Scalar> {
+struct MeanTension<T: Scalar> {
     /// `T_m`, N.
-    pub(crate) mean_n: T,
+    mean_n: T,
     /// `d T_m / dF`.
-    pub(crate) by_force: Vector2<T>,
+    by_force: Vector2<T>,
     /// `d T_m / dW + c/2`: what is left when `M` instead of `F` is held.
-    pub(crate) by_weight: T,
+    by_weight: T,
 }
 
 impl<T: Scalar> Parabola<T> {
@@ -45,7 +46,7 @@ impl<T: Scalar> Parabola<T> {
     /// `T_m = (1/W) int T dT_z` has `dT_m/dFx = Fx (2/S) atanh(q)/q`, `dT_m/dFz = c` and
     /// `dT_m/dW = (T_A - T_m)/W`; the last cancels and is written with the tail of the series.
     #[inline]
-    pub(crate) fn mean_tension(force_n: Vector2<T>, weight_n: T) -> MeanTension<T> {
+    fn mean_tension(force_n: Vector2<T>, weight_n: T) -> MeanTension<T> {
         let one = T::one();
         let quarter = T::constant(0.25);
         let p = TensionProfile::new(force_n, weight_n);
@@ -100,8 +101,10 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
         Self { weight_n_m: self.weight_n_m * s, compliance_per_n: self.compliance_per_n * s }
     }
 
-    /// `M` points along the chord, so one equation for `|M|` is left
-    /// (see [`line::parabola_force`]); at most [`line::root_iteration_bound`] iterations.
+    /// `M` points along the chord, so with `d` the distance of the ends
+    /// `d = L |M| (1/T_m + 1/EA)` is one equation for `|M|`. Its right side rises with `|M|`,
+    /// because `T_m/|M|` is the mean of `|chord + (W/|M|)(1/2 - u) z|`, which is convex and even in
+    /// `1/|M|`. At most [`line::root_iteration_bound`] iterations.
     fn force_at_length(
         &self,
         x_m: T,
@@ -111,6 +114,34 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
     where
         T: Real,
     {
-        line::parabola_force(self, x_m, z_m, rest_length_m)
+        line::check_input(x_m, z_m, rest_length_m)?;
+        let weight = self.weight_n_m * rest_length_m;
+        let (distance, _) = T::hypot_with_excess(x_m, z_m);
+        if weight <= T::zero() {
+            let massless = LinearElastic { compliance_per_n: self.compliance_per_n };
+            return massless.force_at_length(x_m, z_m, rest_length_m);
+        }
+        if self.compliance_per_n <= T::zero() && distance >= rest_length_m {
+            return Err(LineFault::TooShort);
+        }
+        let half_weight = T::constant(0.5) * weight;
+        // A vertical slack chord is the limit of a nearly vertical one, too close to leave a trace.
+        let opening = T::TINY.sqrt() * T::constant(16.0);
+        let chord = Vector2::new((x_m / distance).max(opening), z_m / distance);
+        let force = |pull: T| Vector2::new(pull * chord.x, pull * chord.y + half_weight);
+        let target = distance / rest_length_m;
+        let equation = |pull: T| {
+            let mean = Parabola::mean_tension(force(pull), weight);
+            let ratio = pull / mean.mean_n;
+            let growth = mean.by_force.x * chord.x + mean.by_force.y * chord.y;
+            Taylor {
+                value: ratio + pull * self.compliance_per_n - target,
+                slope: (T::one() - ratio * growth) / mean.mean_n + self.compliance_per_n,
+                curvature: T::zero(),
+            }
+        };
+        let (pull, iterations) =
+            monotone_root(equation, half_weight, T::EPSILON.sqrt()).ok_or(LineFault::OutOfRange)?;
+        line::polish(self, x_m, z_m, rest_length_m, force(pull), iterations)
     }
 }
