@@ -48,11 +48,13 @@ impl<T: Real> CurvePoint<T> {
     ///
     /// With `r1`, `r2` the rows of the derivative in the unknowns `F/s_F` and `L/s_L`
     /// (`s_F = |Fx| + |Fz|`, `s_L = L`), the tangent is `t = r1 x r2` and the minimum-norm solution
-    /// of `r1 . d = -g1`, `r2 . d = -g2` is `d = -(g1 (r2 x t) + g2 (t x r1)) / |t|^2`. No inverse of
-    /// the compliance appears, so massless and inextensible cables are covered. `None` at a singular
-    /// point (the tension vanishes somewhere) or when a number is not finite.
+    /// of `r1 . d = -g1`, `r2 . d = -g2` is `d = t x (g1 r2 - g2 r1) / |t|^2`. No inverse of the
+    /// compliance appears, so massless and inextensible cables are covered.
+    ///
+    /// At a singular point, where the tension vanishes somewhere, the result is not finite: see
+    /// [`CurvePoint::is_finite`].
     #[inline]
-    pub fn new(end: &EndPoint<T>, x_m: T, z_m: T, state: &CableState<T>) -> Option<Self> {
+    pub fn new(end: &EndPoint<T>, x_m: T, z_m: T, state: &CableState<T>) -> Self {
         let force_scale = state.force_n.x.abs() + state.force_n.y.abs();
         let length_scale = state.rest_length_m;
         // Dividing the rows by the length as well makes every entry a number around one or below.
@@ -61,29 +63,29 @@ impl<T: Real> CurvePoint<T> {
         let j = &end.jacobian;
         let r1 = [j.m11 * scale, j.m12 * scale, j.m13];
         let r2 = [j.m21 * scale, j.m22 * scale, j.m23];
-        let g1 = (end.position_m.x - x_m) * per_length;
-        let g2 = (end.position_m.y - z_m) * per_length;
         let t = cross(&r1, &r2);
-        let back1 = cross(&r2, &t);
-        let back2 = cross(&t, &r1);
         let force_part_sq = t[0] * t[0] + t[1] * t[1];
         let inverse_square = T::one() / (force_part_sq + t[2] * t[2]);
-        let (h1, h2) = (g1 * inverse_square, g2 * inverse_square);
-        let correction = |k: usize| -(h1 * back1[k] + h2 * back2[k]);
+        let g1 = (end.position_m.x - x_m) * per_length * inverse_square;
+        let g2 = (end.position_m.y - z_m) * per_length * inverse_square;
+        let skew = core::array::from_fn(|k| g1 * r2[k] - g2 * r1[k]);
+        let back = cross(&t, &skew);
         let inverse_force_part = T::one() / force_part_sq.sqrt();
-        let point = Self {
+        Self {
             tangent: Vector2::new(t[0] * inverse_force_part, t[1] * inverse_force_part),
             length_per_force_m_n: t[2] * inverse_force_part * (length_scale / force_scale),
-            correction_n: Vector2::new(correction(0) * force_scale, correction(1) * force_scale),
-            length_correction_m: correction(2) * length_scale,
-        };
-        let finite = point.tangent.x.is_finite()
-            && point.tangent.y.is_finite()
-            && point.length_per_force_m_n.is_finite()
-            && point.correction_n.x.is_finite()
-            && point.correction_n.y.is_finite()
-            && point.length_correction_m.is_finite();
-        finite.then_some(point)
+            correction_n: Vector2::new(back[0] * force_scale, back[1] * force_scale),
+            length_correction_m: back[2] * length_scale,
+        }
+    }
+
+    /// Whether all numbers are finite (or, which never happens to a real cable, their sum overflows).
+    #[inline]
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let force = self.tangent + self.correction_n;
+        // One sum instead of six checks: infinities and NaN do not cancel out of it.
+        (force.x + force.y + self.length_per_force_m_n + self.length_correction_m).is_finite()
     }
 }
 

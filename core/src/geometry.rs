@@ -21,6 +21,8 @@ pub struct Cable<T: Scalar, M> {
 pub struct Robot<T: Scalar, M> {
     cables: [Cable<T, M>; CABLES],
     moment_arm_m: T,
+    /// `1 / moment_arm_m`, because it is needed at every pose.
+    per_moment_arm_m: T,
 }
 
 /// Why a geometry or a pose is refused. Cables are counted from 0.
@@ -80,7 +82,8 @@ impl<T: Real, M> Robot<T, M> {
             }
             moment_arm_sq = moment_arm_sq.max(dot(&cable.attachment_m, &cable.attachment_m));
         }
-        let robot = Self { cables, moment_arm_m: moment_arm_sq.sqrt() };
+        let moment_arm_m = moment_arm_sq.sqrt();
+        let robot = Self { cables, moment_arm_m, per_moment_arm_m: T::one() / moment_arm_m };
         if robot.attachments_are_collinear() {
             Err(GeometryFault::CollinearAttachments)
         } else {
@@ -117,6 +120,11 @@ impl<T: Scalar, M> Robot<T, M> {
         self.moment_arm_m
     }
 
+    /// The reciprocal of [`Robot::moment_arm_m`], 1/m.
+    pub(crate) fn per_moment_arm_m(&self) -> T {
+        self.per_moment_arm_m
+    }
+
     /// The same geometry with other cable models, made from the present ones.
     pub fn map_models<N>(&self, map: impl Fn(usize, &M) -> N) -> Robot<T, N> {
         let cables = core::array::from_fn(|i| {
@@ -127,7 +135,8 @@ impl<T: Scalar, M> Robot<T, M> {
                 model: map(i, &cable.model),
             }
         });
-        Robot { cables, moment_arm_m: self.moment_arm_m }
+        let Self { moment_arm_m, per_moment_arm_m, .. } = *self;
+        Robot { cables, moment_arm_m, per_moment_arm_m }
     }
 }
 
@@ -213,9 +222,13 @@ impl<T: Real> CablePlane<T> {
         let lever_arm_m = pose.turn(&cable.attachment_m);
         let span = pose.position_m + lever_arm_m - cable.anchor_m;
         let (x_m, _) = T::hypot_with_excess(span.x, span.y);
-        let direction =
-            if x_m > T::zero() { Vector2::new(span.x / x_m, span.y / x_m) } else { previous };
-        Self { x_m, z_m: span.z, direction, lever_arm: lever_arm_m / robot.moment_arm_m }
+        let direction = if x_m > T::zero() {
+            let per_distance_m = T::one() / x_m;
+            Vector2::new(span.x * per_distance_m, span.y * per_distance_m)
+        } else {
+            previous
+        };
+        Self { x_m, z_m: span.z, direction, lever_arm: lever_arm_m * robot.per_moment_arm_m }
     }
 
     /// Straight distance from anchor to attachment, m.

@@ -9,9 +9,9 @@
 //!
 //! with `c_i` the way back to curve `i` is the Newton step of all 18 equations.
 
-use nalgebra::{Matrix6, Vector2, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
-use crate::elimination::{Elimination, one_norm};
+use crate::elimination::Elimination;
 use crate::statics::Balance;
 use crate::{CABLES, CableModel, CableState, CurvePoint, Real, Robot, Scalar};
 
@@ -50,12 +50,12 @@ pub struct NewtonStep<T: Scalar> {
     pub advance_n: Vector6<T>,
     /// Largest distance between the end of a cable and its attachment before the step, m.
     pub closure_m: T,
-    /// Largest component of the unbalanced wrench before the step (moments over the moment arm), N.
+    /// Largest component of the unbalanced wrench before the step, with each force moved the
+    /// shortest way to its curve (moments over the moment arm), N.
     pub imbalance_n: T,
     /// Size of the step: the largest change of a force or rest length, each relative to the force
     /// or rest length of its cable. Once this is small, its square is the error that is left.
     pub relative_change: T,
-    matrix_norm: T,
     elimination: Elimination<T>,
 }
 
@@ -72,34 +72,33 @@ impl<T: Real> NewtonStep<T> {
         balance: &Balance<T>,
         states: &[CableState<T>; CABLES],
     ) -> Result<Self, StepFault> {
+        let planes = balance.planes();
         let mut closure_m = T::zero();
-        let mut matrix = Matrix6::zeros();
-        let mut right = -*balance.wrench_n();
-        let mut imbalance = *balance.wrench_n();
-        let mut curves = [CurvePoint {
-            tangent: Vector2::zeros(),
-            length_per_force_m_n: T::zero(),
-            correction_n: Vector2::zeros(),
-            length_correction_m: T::zero(),
-        }; CABLES];
+        let curves: [CurvePoint<T>; CABLES] = core::array::from_fn(|i| {
+            let (plane, state) = (&planes[i], &states[i]);
+            let end = robot.cables()[i].model.end_point(state.force_n, state.rest_length_m);
+            let gap =
+                (end.position_m.x - plane.x_m).abs().max((end.position_m.y - plane.z_m).abs());
+            closure_m = closure_m.max(gap);
+            CurvePoint::new(&end, plane.x_m, plane.z_m, state)
+        });
         for i in 0..CABLES {
-            let (plane, state) = (&balance.planes()[i], &states[i]);
-            if !is_length(state.rest_length_m) {
+            if !is_length(states[i].rest_length_m) {
                 return Err(StepFault::LengthNotPositive(i));
             }
-            let end = robot.cables()[i].model.end_point(state.force_n, state.rest_length_m);
-            let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state)
-                .ok_or(StepFault::SingularCable(i))?;
-            closure_m = closure_m
-                .max((end.position_m.x - plane.x_m).abs())
-                .max((end.position_m.y - plane.z_m).abs());
-            matrix.set_column(i, &plane.wrench_n(&curve.tangent));
-            imbalance += plane.wrench_n(&state.force_n);
-            right -= plane.wrench_n(&(state.force_n + curve.correction_n));
-            curves[i] = curve;
+            if !curves[i].is_finite() {
+                return Err(StepFault::SingularCable(i));
+            }
         }
+        let mut imbalance = *balance.wrench_n();
+        for i in 0..CABLES {
+            imbalance += planes[i].wrench_n(&(states[i].force_n + curves[i].correction_n));
+        }
+        let columns: [Vector6<T>; CABLES] =
+            core::array::from_fn(|i| planes[i].wrench_n(&curves[i].tangent));
+        let matrix = Matrix6::from_columns(&columns);
         let elimination = Elimination::new(&matrix).ok_or(StepFault::SingularStatics)?;
-        let advance_n = elimination.solve(&right);
+        let advance_n = elimination.solve(&-imbalance);
         let mut relative_change = T::zero();
         let mut next = *states;
         for i in 0..CABLES {
@@ -115,10 +114,12 @@ impl<T: Real> NewtonStep<T> {
             if !(next[i].force_n.x.is_finite() && next[i].force_n.y.is_finite()) {
                 return Err(StepFault::SingularCable(i));
             }
-            let force_size = state.force_n.x.abs() + state.force_n.y.abs();
-            relative_change = relative_change
-                .max((force_change.x.abs() + force_change.y.abs()) / force_size)
-                .max(length_change.abs() / state.rest_length_m);
+            // Both relative changes with one division.
+            let (force, length) =
+                (state.force_n.x.abs() + state.force_n.y.abs(), state.rest_length_m);
+            let larger = ((force_change.x.abs() + force_change.y.abs()) * length)
+                .max(length_change.abs() * force);
+            relative_change = relative_change.max(larger / (force * length));
         }
         Ok(Self {
             states: next,
@@ -127,7 +128,6 @@ impl<T: Real> NewtonStep<T> {
             closure_m,
             imbalance_n: max_component(&imbalance),
             relative_change,
-            matrix_norm: one_norm(&matrix),
             elimination,
         })
     }
@@ -138,7 +138,7 @@ impl<T: Real> NewtonStep<T> {
     /// singular posture. Exact but for rounding, at the cost of six solves.
     #[must_use]
     pub fn condition(&self) -> T {
-        self.matrix_norm * one_norm(&self.elimination.inverse())
+        self.elimination.condition()
     }
 
     /// Sign of the determinant of the matrix of tangent wrenches (tangents towards longer cables):

@@ -58,12 +58,12 @@ impl<T: Real> Balance<T> {
         let coordinates =
             pose.position_m().iter().fold(robot.moment_arm_m(), |m, c| m.max(c.abs()));
         let apart = T::constant(8.0) * T::EPSILON * coordinates;
-        if let Some(i) = planes.iter().position(|plane: &CablePlane<T>| plane.distance_m() <= apart)
-        {
+        let touching = |plane: &CablePlane<T>| plane.x_m.max(plane.z_m.abs()) <= apart;
+        if let Some(i) = planes.iter().position(touching) {
             return Err(GeometryFault::AttachmentOnAnchor(i));
         }
         let wrench = load.wrench(pose);
-        let (f, m) = (wrench.force_n, wrench.moment_nm / robot.moment_arm_m());
+        let (f, m) = (wrench.force_n, wrench.moment_nm * robot.per_moment_arm_m());
         let wrench_n = Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
         Ok(Self { planes, wrench_n })
     }

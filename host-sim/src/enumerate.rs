@@ -1,6 +1,6 @@
 //! The answer for one pose: all rigid solutions and what becomes of each.
 
-use cdpr_core::elimination::{Elimination, one_norm};
+use cdpr_core::elimination::Elimination;
 use cdpr_core::{
     CABLES, CableModel, CableState, GeometryFault, IrvineCatenary, LinearElastic, NonDeformable,
     Parabola, Pose,
@@ -150,7 +150,7 @@ impl Request {
                 hanging.balance.planes()[i].wrench_n(&(unit * towards_longer))
             });
             let matrix = Matrix6::from_columns(&columns);
-            let inverse = Elimination::new(&matrix)?.inverse();
+            let condition = Elimination::new(&matrix)?.condition();
             let slack = std::array::from_fn(|i| origin.slack.contains(i));
             let solution = Solution {
                 states,
@@ -163,7 +163,7 @@ impl Request {
                 }),
                 origin: origin.slack,
                 is_positive: origin.is_positive,
-                condition: one_norm(&matrix) * one_norm(&inverse),
+                condition,
                 vertical: slack,
             };
             let sags_m = std::array::from_fn(|i| {

@@ -7,7 +7,7 @@
 
 use std::fmt;
 
-use cdpr_core::elimination::{Elimination, one_norm};
+use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::{CABLES, CableState};
 use nalgebra::{Matrix6, Vector2, Vector6};
@@ -151,9 +151,7 @@ impl RigidSolutions {
             let Some(elimination) = Elimination::new(&matrix) else { continue };
             let forces = elimination.solve(&-balance.wrench_n());
             let zero = ZERO_FORCE * forces.amax();
-            if forces.min() < -zero
-                || one_norm(&matrix) * one_norm(&elimination.inverse()) > SINGULAR_CONDITION
-            {
+            if forces.min() < -zero || elimination.condition() > SINGULAR_CONDITION {
                 continue;
             }
             if forces.min() > zero {

@@ -45,7 +45,7 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
         let two_inverse_sum = profile.inverse_sum + profile.inverse_sum;
         // L / (S/2), the compliance of a massless cable sideways.
         let lateral = rest_length_m * two_inverse_sum;
-        let strain = self.compliance_per_n / two_inverse_sum;
+        let strain = T::constant(0.5) * self.compliance_per_n * profile.sum;
         let (c, balance) = (profile.slope, profile.balance);
         let across = force_n.x * two_inverse_sum; // 2 Fx / S
         let c_balance = c * balance;

@@ -54,10 +54,10 @@ impl<T: Scalar> Parabola<T> {
         let c = p.slope;
         let across = force_n.x * (p.inverse_sum + p.inverse_sum);
         let one_minus_c2 = across * (across / p.openness());
-        // (1 - q^2)(1 + sag) - 1 = -q^2 (1 + sag - tail)
-        let bow = p.q * (one + sag - p.tail);
+        // (1 - q^2)(1 + sag) - 1 = -q^2 (1 - (1 - q^2) tail)
+        let bow = p.q * (one - p.openness() * p.tail);
         MeanTension {
-            mean_n: (T::constant(2.0) - one_minus_c2 * p.q * bow) * quarter / p.inverse_sum,
+            mean_n: (T::constant(2.0) - one_minus_c2 * p.q * bow) * quarter * p.sum,
             by_force: Vector2::new(across * (one + sag), c),
             by_weight: one_minus_c2 * bow * quarter,
         }

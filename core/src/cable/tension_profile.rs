@@ -18,6 +18,8 @@ use crate::Scalar;
 pub(super) struct TensionProfile<T: Scalar> {
     /// Tension vector at the anchor, `(Fx, Fz - W)`, N.
     pub(super) force_a: Vector2<T>,
+    /// `S`, N.
+    pub(super) sum: T,
     /// `1 / S`, 1/N.
     pub(super) inverse_sum: T,
     /// `1 / T_A`, 1/N.
@@ -42,18 +44,18 @@ impl<T: Scalar> TensionProfile<T> {
         let (tension_a, excess_a) = T::hypot_with_excess(force_n.x, -force_a.y);
         let sum = tension_a + tension_b;
         let inverse_sum = T::one() / sum;
-        let inverse_tension_a = T::one() / tension_a;
+        let inverse_product = T::one() / (tension_a * tension_b);
         let q = weight_n * inverse_sum;
         let gap = (excess_a + excess_b) * inverse_sum;
-        let ratio_b = sum / tension_b;
         Self {
             force_a,
+            sum,
             inverse_sum,
-            inverse_tension_a,
+            inverse_tension_a: tension_b * inverse_product,
             q,
             gap,
             slope: (force_n.y + force_a.y) * inverse_sum,
-            balance: T::constant(0.25) * ratio_b * sum * inverse_tension_a,
+            balance: T::constant(0.25) * sum * sum * inverse_product,
             tail: T::atanh_tail(q, gap),
         }
     }

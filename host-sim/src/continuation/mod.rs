@@ -13,7 +13,7 @@ mod system;
 
 use std::fmt;
 
-use cdpr_core::elimination::{Elimination, one_norm};
+use cdpr_core::elimination::Elimination;
 use cdpr_core::{CABLES, CableModel, CableState};
 
 use crate::problem::Problem;
@@ -341,8 +341,9 @@ fn arrival<M: CableModel<f64>>(
     path: &Path,
 ) -> BranchEnd {
     let system = System { problem, vertical: path.vertical };
-    let matrix = system.linearise(point).map(|linear| linear.tangent_matrix());
-    let Some((matrix, elimination)) = matrix.and_then(|m| Some((m, Elimination::new(&m)?))) else {
+    let elimination =
+        system.linearise(point).and_then(|linear| Elimination::new(&linear.tangent_matrix()));
+    let Some(elimination) = elimination else {
         return BranchEnd::Stalled { deformation: 1.0 };
     };
     let solution = Solution {
@@ -352,7 +353,7 @@ fn arrival<M: CableModel<f64>>(
         }),
         origin,
         is_positive: elimination.is_positive(),
-        condition: one_norm(&matrix) * one_norm(&elimination.inverse()),
+        condition: elimination.condition(),
         vertical: path.vertical,
     };
     for (cable, limits) in problem.limits.iter().enumerate() {

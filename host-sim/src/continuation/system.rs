@@ -97,12 +97,12 @@ impl<'a, M: CableModel<f64>> System<'a, M> {
     ) -> Option<MovingCurve> {
         let plane = &self.problem.balance.planes()[cable];
         let end = self.end_point(cable, state, sigma);
-        let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state)?;
+        let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state);
         let ahead = self.end_point(cable, state, sigma + SIGMA_STEP).position_m;
         let behind = self.end_point(cable, state, sigma - SIGMA_STEP).position_m;
         let drift = EndPoint { position_m: (ahead - behind) / (2.0 * SIGMA_STEP), ..end };
-        let shift = CurvePoint::new(&drift, 0.0, 0.0, state)?;
-        Some(MovingCurve {
+        let shift = CurvePoint::new(&drift, 0.0, 0.0, state);
+        (curve.is_finite() && shift.is_finite()).then_some(MovingCurve {
             curve,
             shift_n: shift.correction_n,
             length_shift_m: shift.length_correction_m,
