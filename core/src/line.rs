@@ -62,6 +62,12 @@ pub const fn nested_iteration_bound<T: Real>() -> u32 {
 /// Newton steps on the end-point map after the one-dimensional search.
 const POLISH_STEPS: u32 = 3;
 
+/// `x/L` below which a cable is a vertical line: far below rounding, and above where squares of
+/// the horizontal force would underflow.
+pub(crate) fn vertical_ratio<T: Real>() -> T {
+    T::TINY.sqrt() / T::EPSILON
+}
+
 /// Refuses what no cable can be asked.
 #[inline]
 pub(crate) fn check_input<T: Real>(x_m: T, z_m: T, rest_length_m: T) -> Result<(), LineFault> {
@@ -83,7 +89,20 @@ pub(crate) fn with_residual<T: Real, M: CableModel<T>>(
     iterations: u32,
 ) -> LineSolution<T> {
     let end = model.end_point(force_n, rest_length_m).position_m;
-    LineSolution { force_n, residual_m: (end.x - x_m).abs().max((end.y - z_m).abs()), iterations }
+    LineSolution { force_n, residual_m: largest_error(end.x - x_m, end.y - z_m), iterations }
+}
+
+/// The larger absolute value; NaN when either is (`Real::max` would drop one of them).
+#[inline]
+fn largest_error<T: Real>(gx: T, gz: T) -> T {
+    let (gx, gz) = (gx.abs(), gz.abs());
+    if gx <= gz {
+        gz
+    } else if gz <= gx {
+        gx
+    } else {
+        gx + gz
+    }
 }
 
 /// Newton on `(X, Z) = (x, z)` from a force that is already close; keeps the best.
@@ -104,7 +123,7 @@ pub(crate) fn polish<T: Real, M: CableModel<T>>(
         // Without the derivative, which is needed only when rounding was unkind.
         let end = model.end_point(force_n, rest_length_m).position_m;
         let (gx, gz) = (end.x - x_m, end.y - z_m);
-        let residual_m = gx.abs().max(gz.abs());
+        let residual_m = largest_error(gx, gz);
         let improved = residual_m < best.residual_m;
         if !improved {
             break;
@@ -137,8 +156,12 @@ pub fn nested_force<T: Real, M: CableModel<T>>(
 ) -> Result<LineSolution<T>, LineFault> {
     check_input(x_m, z_m, rest_length_m)?;
     let weight = model.weight_n_m() * rest_length_m;
-    let scale = weight.max(T::one());
-    let settled = T::EPSILON.sqrt();
+    let scale = if weight > T::zero() { weight } else { T::one() };
+    let vertical = x_m <= rest_length_m * vertical_ratio();
+    // A vertical line is not polished afterwards, and has a kink where its end becomes slack.
+    let settled = if vertical { T::EPSILON } else { T::EPSILON.sqrt() };
+    // Where squares of the force neither underflow nor overflow.
+    let bracket = (T::constant(16.0) * T::TINY.sqrt() * scale, T::HUGE.sqrt() * T::constant(0.25));
     let mut evaluations = 0;
     // Fz with Z(Fx, Fz) = z: searched on the side of zero that the sign at zero tells.
     let mut height = |fx: T, guess: T| -> Option<T> {
@@ -155,22 +178,24 @@ pub fn nested_force<T: Real, M: CableModel<T>>(
                     curvature: T::zero(),
                 }
             },
+            bracket,
             guess,
             settled,
         )?;
         evaluations += count + 1;
         Some(side * fz)
     };
-    if x_m <= T::zero() {
+    if vertical {
         // The limit Fx -> 0 of the height is regular; take it at a force that leaves no trace.
-        let fx = T::TINY.sqrt() * T::constant(16.0);
+        let fx = bracket.0;
         let fz = height(fx, scale).ok_or(LineFault::OutOfRange)?;
         let mut solution =
             with_residual(model, x_m, z_m, rest_length_m, Vector2::new(fx, fz), evaluations);
         let end = model.end_point(solution.force_n, rest_length_m).position_m;
         solution.force_n.x = T::zero();
         solution.residual_m = (end.y - z_m).abs();
-        return Ok(solution);
+        let finite = solution.residual_m.is_finite();
+        return if finite { Ok(solution) } else { Err(LineFault::OutOfRange) };
     }
     let mut fz = scale;
     let found = monotone_root(
@@ -185,7 +210,8 @@ pub fn nested_force<T: Real, M: CableModel<T>>(
                 curvature: T::zero(),
             }
         },
-        scale,
+        bracket,
+        scale * (x_m / rest_length_m),
         settled,
     );
     let (fx, _) = found.ok_or(LineFault::OutOfRange)?;

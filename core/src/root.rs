@@ -32,12 +32,12 @@ pub(crate) const fn evaluation_bound<T: Real>() -> u32 {
 #[inline]
 pub(crate) fn monotone_root<T: Real>(
     mut f: impl FnMut(T) -> Taylor<T>,
+    bracket: (T, T),
     start: T,
     settled: T,
 ) -> Option<(T, u32)> {
-    let (mut low, mut high) = (T::TINY, T::HUGE);
+    let (mut low, mut high) = bracket;
     let half = T::constant(0.5);
-    let three_quarters = T::constant(0.75);
     let mut x = start.max(low).min(high);
     for evaluation in 1..=evaluation_bound::<T>() {
         let Taylor { value, slope, curvature } = f(x);
@@ -56,7 +56,7 @@ pub(crate) fn monotone_root<T: Real>(
         let bend = (half * newton * curvature * inverse_slope).max(-half).min(half);
         let step = newton * (T::one() + bend);
         // A long step down is taken in 1/x, so that it stays positive.
-        let next = if step < x * three_quarters { x - step } else { x * (x / (x + step)) };
+        let next = if step < x { x - step } else { x * (x / (x + step)) };
         let inside = next > low && next < high; // false for NaN
         if inside && evaluation <= FAST_STEPS {
             if step.abs() <= settled * x {
@@ -69,7 +69,7 @@ pub(crate) fn monotone_root<T: Real>(
             }
             let middle = low.sqrt() * high.sqrt();
             if !(middle > low && middle < high) {
-                let found = low > T::TINY && high < T::HUGE;
+                let found = low > bracket.0 && high < bracket.1;
                 return found.then_some((x, evaluation));
             }
             x = middle;
@@ -93,7 +93,9 @@ mod tests {
             for start in [1e-200, 1.0, 1e200] {
                 // Slope given wrongly by a factor: Newton alone would crawl or run away.
                 for slope in [1e-3, 1.0, 1e3] {
-                    let (x, evaluations) = monotone_root(line(root, slope), start, 1e-8).unwrap();
+                    let (x, evaluations) =
+                        monotone_root(line(root, slope), (f64::TINY, f64::HUGE), start, 1e-8)
+                            .unwrap();
                     assert!(evaluations <= evaluation_bound::<f64>());
                     assert!((x / root - 1.0).abs() < 1e-7, "{root:e} from {start:e}: {x:e}");
                 }
@@ -103,20 +105,25 @@ mod tests {
 
     #[test]
     fn says_when_there_is_none() {
-        assert_eq!(monotone_root(line(f64::NAN, 1.0), 1.0, 1e-8), None);
-        assert_eq!(monotone_root(line(-1.0, -1.0), 1.0, 1e-8), None);
+        assert_eq!(monotone_root(line(f64::NAN, 1.0), (f64::TINY, f64::HUGE), 1.0, 1e-8), None);
+        assert_eq!(monotone_root(line(-1.0, -1.0), (f64::TINY, f64::HUGE), 1.0, 1e-8), None);
         let falling = |x: f32| Taylor { value: -1.0 / x, slope: 1.0, curvature: 0.0 };
-        assert_eq!(monotone_root(falling, 1.0, 1e-4), None);
+        assert_eq!(monotone_root(falling, (f32::TINY, f32::HUGE), 1.0, 1e-4), None);
     }
 
     #[test]
     fn curvature_makes_it_third_order() {
         let cube =
             |x: f64| Taylor { value: x * x * x - 2.0, slope: 3.0 * x * x, curvature: 6.0 * x };
-        let (x, evaluations) = monotone_root(cube, 2.0, 5e-6).unwrap();
+        let (x, evaluations) = monotone_root(cube, (f64::TINY, f64::HUGE), 2.0, 5e-6).unwrap();
         assert!((x - libm::cbrt(2.0)).abs() < 4e-16);
-        let (_, by_newton) =
-            monotone_root(|x| Taylor { curvature: 0.0, ..cube(x) }, 2.0, 1e-8).unwrap();
+        let (_, by_newton) = monotone_root(
+            |x| Taylor { curvature: 0.0, ..cube(x) },
+            (f64::TINY, f64::HUGE),
+            2.0,
+            1e-8,
+        )
+        .unwrap();
         assert!(evaluations < by_newton, "{evaluations} against {by_newton}");
     }
 }

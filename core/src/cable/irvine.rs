@@ -130,7 +130,7 @@ fn force_at_length<T: Real>(
     if unit_strain <= T::zero() && distance_sq >= one {
         return Err(LineFault::TooShort);
     }
-    if x_m <= T::zero() {
+    if xi <= line::vertical_ratio::<T>() {
         return vertical_force(weight, unit_strain, z_m, rest_length_m);
     }
 
@@ -152,8 +152,7 @@ fn force_at_length<T: Real>(
         let sag = sag_at(u, s, q, inverse_open);
         // The sag obeys d sag/ds = (sag - 1/(s^2 - 1)) / s, hence d^2 sag/ds^2 = 2 / (s^2 - 1)^2.
         let sag_slope = q * (sag - inverse_open);
-        let half_sag_curvature = inverse_open * inverse_open;
-        last = (u, sag, sag_slope, half_sag_curvature);
+        last = (u, sag, sag_slope, inverse_open);
         let stretch = one + unit_strain * s;
         let wide = stretch + sag;
         let widening = sag_slope + unit_strain;
@@ -161,12 +160,13 @@ fn force_at_length<T: Real>(
         // and half of their derivatives by s.
         let (a, a_slope) = (stretch * stretch - zeta * zeta, unit_strain * stretch);
         let a_curvature = unit_strain * unit_strain;
-        let (o, o_slope) = (u * (s + one) * (q * q), q * q * q);
+        let (o, o_slope) = ((u * q) * ((s + one) * q), q * q * q);
         let o_curvature = -three * o_slope * q;
         let (w, w_slope) = (wide * wide, wide * widening);
-        let w_curvature = widening * widening + two * wide * half_sag_curvature;
+        // o w'' in an order in which nothing overflows for x -> 0; o inverse_open is q^2.
+        let ow_bend = (o * widening) * widening + two * wide * (q * q) * inverse_open;
         let (ow, ow_slope) = (o * w, o_slope * w + o * w_slope);
-        let ow_curvature = o_curvature * w + four * o_slope * w_slope + o * w_curvature;
+        let ow_curvature = o_curvature * w + four * o_slope * w_slope + ow_bend;
         let xi_sq = xi * xi;
         Taylor {
             value: a * ow - xi_sq * (stretch * stretch),
@@ -177,12 +177,13 @@ fn force_at_length<T: Real>(
     };
     let start = search_start(xi, zeta, distance_sq, unit_strain);
     let (u, iterations) =
-        monotone_root(equation, start, T::EPSILON.rough_cbrt()).ok_or(LineFault::OutOfRange)?;
+        monotone_root(equation, (T::TINY, T::HUGE), start, T::EPSILON.rough_cbrt())
+            .ok_or(LineFault::OutOfRange)?;
 
     // The last evaluation was within the settling step, where the Taylor series of the sag is exact.
-    let (last_u, last_sag, sag_slope, half_sag_curvature) = last;
+    let (last_u, last_sag, sag_slope, inverse_open) = last;
     let change = u - last_u;
-    let sag = last_sag + change * (sag_slope + change * half_sag_curvature);
+    let sag = last_sag + change * (sag_slope + change * inverse_open * inverse_open);
     let s = one + u;
     let stretch = one + unit_strain * s;
     let half_sum = half * weight * s;
@@ -210,7 +211,21 @@ fn search_start<T: Real>(xi: T, zeta: T, distance_sq: T, unit_strain: T) -> T {
         let three_halves = T::constant(1.5);
         let slope = s * (three_halves * unit_strain * s - excess);
         let change = half * ((unit_strain * s - excess) * s * s - bow) / slope;
-        return (s - change - one).max(half);
+        let taut = (s - change - one).max(half);
+        // It may also hang slack because its own weight stretches it: then u (1 + e + sag)^2 is
+        // known, and sag = ln(2/u)/2 - 1.
+        let stretch = one + unit_strain;
+        let room = (stretch - zeta) * (stretch + zeta);
+        let opening = half * xi * xi * stretch * stretch / room;
+        let slack = |u: T| {
+            let wide = unit_strain - half * (half * u).rough_ln();
+            opening / (wide * wide)
+        };
+        return if room > T::zero() && opening < half {
+            slack(slack(opening)).min(taut)
+        } else {
+            taut
+        };
     }
     // Inextensible: sinh(a)/a = ratio with q = tanh(a), that is S/W = coth(a).
     let ratio = ((one - zeta) * (one + zeta)).max(T::zero()).sqrt() / xi;

@@ -70,6 +70,7 @@ impl<T: Scalar> CableModel<T> for LinearElastic<T> {
             return Err(LineFault::TooShort);
         }
         let force_n = Vector2::new(x_m, z_m) * (tension / distance);
-        Ok(line::with_residual(self, x_m, z_m, rest_length_m, force_n, 0))
+        let solution = line::with_residual(self, x_m, z_m, rest_length_m, force_n, 0);
+        if solution.residual_m.is_finite() { Ok(solution) } else { Err(LineFault::OutOfRange) }
     }
 }

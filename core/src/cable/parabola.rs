@@ -19,8 +19,9 @@ use crate::{Real, Scalar};
 /// ```
 ///
 /// The chord points along `M` exactly, so the force curve at a fixed pose is one-dimensional by
-/// inspection. The model follows the catenary to second order in `W/T` and is wrong by tens of
-/// percent for a slack cable; its compliance is not exactly symmetric. `1/EA = 0` and `w = 0` are
+/// inspection. At the same `M` it differs from the catenary by the order `(W/T)^4` along `M` and by
+/// `L c sqrt(1 - c^2) (W/T)^2 / 12` across, and by tens of percent for a slack cable; its compliance
+/// is not exactly symmetric. `1/EA = 0` and `w = 0` are
 /// regular.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parabola<T> {
@@ -38,6 +39,8 @@ struct MeanTension<T: Scalar> {
     by_force: Vector2<T>,
     /// `d T_m / dW + c/2`: what is left when `M` instead of `F` is held.
     by_weight: T,
+    /// `T_m - M_x dT_m/dFx` and `T_m - M_z dT_m/dFz`, N, as sums of terms of one sign.
+    remainder_n: Vector2<T>,
 }
 
 impl<T: Scalar> Parabola<T> {
@@ -54,10 +57,13 @@ impl<T: Scalar> Parabola<T> {
         let c = p.slope;
         let across = force_n.x * (p.inverse_sum + p.inverse_sum);
         let one_minus_c2 = across * (across / p.openness());
-        // (1 - q^2)(1 + sag) - 1 = -q^2 (1 - (1 - q^2) tail)
+        // (1 - q^2)(1 + sag) - 1 = -q^2 (1 - (1 - q^2) tail), which cancels nowhere
         let bow = p.q * (one - p.openness() * p.tail);
+        let (two, quarter_sum) = (T::constant(2.0), quarter * p.sum);
+        let (arc, gap) = (one_minus_c2 * p.q * bow, one_minus_c2 * (two - p.q * bow));
         MeanTension {
-            mean_n: (T::constant(2.0) - one_minus_c2 * p.q * bow) * quarter * p.sum,
+            mean_n: (two - arc) * quarter_sum,
+            remainder_n: Vector2::new((two * c * c + arc) * quarter_sum, gap * quarter_sum),
             by_force: Vector2::new(across * (one + sag), c),
             by_weight: one_minus_c2 * bow * quarter,
         }
@@ -73,7 +79,7 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
         let inverse_mean = T::one() / mean.mean_n;
         let stretch = inverse_mean + self.compliance_per_n;
         let middle = Vector2::new(force_n.x, force_n.y - half * weight);
-        let direct = rest_length_m * stretch;
+        let along = rest_length_m * self.compliance_per_n;
         // d(1/T_m) = -dT_m / T_m^2
         let turn = rest_length_m * inverse_mean * inverse_mean;
         let (tx, tz) = (turn * mean.by_force.x, turn * mean.by_force.y);
@@ -81,13 +87,13 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
         let by_weight = (mean.by_weight - half * mean.by_force.y) * weight;
         let per_length = stretch - by_weight * inverse_mean * inverse_mean;
         EndPoint {
-            position_m: middle * direct,
+            position_m: middle * (rest_length_m * stretch),
             jacobian: Matrix2x3::new(
-                direct - middle.x * tx,
+                along + turn * mean.remainder_n.x,
                 -(middle.x * tz),
                 middle.x * per_length,
                 -(middle.y * tx),
-                direct - middle.y * tz,
+                along + turn * mean.remainder_n.y,
                 middle.y * per_length - half * weight * stretch,
             ),
         }
@@ -124,10 +130,10 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
         if self.compliance_per_n <= T::zero() && distance >= rest_length_m {
             return Err(LineFault::TooShort);
         }
-        let half_weight = T::constant(0.5) * weight;
+        let half = T::constant(0.5);
+        let half_weight = half * weight;
         // A vertical slack chord is the limit of a nearly vertical one, too close to leave a trace.
-        let opening = T::TINY.sqrt() * T::constant(16.0);
-        let chord = Vector2::new((x_m / distance).max(opening), z_m / distance);
+        let chord = Vector2::new((x_m / distance).max(line::vertical_ratio()), z_m / distance);
         let force = |pull: T| Vector2::new(pull * chord.x, pull * chord.y + half_weight);
         let target = distance / rest_length_m;
         let equation = |pull: T| {
@@ -140,8 +146,18 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
                 curvature: T::zero(),
             }
         };
-        let (pull, iterations) =
-            monotone_root(equation, half_weight, T::EPSILON.sqrt()).ok_or(LineFault::OutOfRange)?;
+        // W/4 <= T_m <= |M| + W/4 brackets the root; the margin is for rounding.
+        let quarter_weight = half * half_weight;
+        let margin = T::one() + T::constant(16.0) * T::EPSILON;
+        let low = target / (T::one() / quarter_weight + self.compliance_per_n);
+        let high = if target < T::one() {
+            (target / self.compliance_per_n).min(target * quarter_weight / (T::one() - target))
+        } else {
+            target / self.compliance_per_n
+        };
+        let bracket = (low / margin, high * margin);
+        let (pull, iterations) = monotone_root(equation, bracket, half_weight, T::EPSILON.sqrt())
+            .ok_or(LineFault::OutOfRange)?;
         line::polish(self, x_m, z_m, rest_length_m, force(pull), iterations)
     }
 }

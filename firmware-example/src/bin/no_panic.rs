@@ -19,7 +19,6 @@ mod image {
     use core::hint::black_box;
     use core::panic::PanicInfo;
 
-    use cdpr_core::elimination::one_norm;
     use cdpr_core::line::{nested_force, nested_iteration_bound, root_iteration_bound};
     use cdpr_core::newton::converge;
     use cdpr_core::statics::Balance;
@@ -127,7 +126,6 @@ mod image {
 
     fn elimination<T: Real>() {
         let matrix = black_box(Matrix6::<T>::zeros());
-        black_box(one_norm(&matrix));
         if let Some(elimination) = black_box(Elimination::new(&matrix)) {
             black_box(elimination.solve(&black_box(Vector6::zeros())));
             black_box((elimination.inverse(), elimination.is_positive()));
