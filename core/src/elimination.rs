@@ -8,8 +8,9 @@ use crate::{CABLES, Real, Scalar};
 /// An LU decomposition with partial pivoting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elimination<T: Scalar> {
-    /// `L` below, `U` above the diagonal, reciprocal pivots on it; rows in pivoted order.
-    rows: [[T; CABLES]; CABLES],
+    /// Column by column: `L` below, `U` above the diagonal, reciprocal pivots on it; rows in pivoted
+    /// order.
+    columns: [[T; CABLES]; CABLES],
     /// Row `i` of the factors is row `order[i]` of the matrix.
     order: [usize; CABLES],
     positive: bool,
@@ -26,9 +27,9 @@ impl<T: Real> Elimination<T> {
     #[must_use]
     pub fn new(matrix: &Matrix6<T>) -> Option<Self> {
         let norm = one_norm(matrix);
-        let rows = core::array::from_fn(|i| core::array::from_fn(|j| matrix[(i, j)]));
         let threshold = norm * T::EPSILON;
-        let mut this = Self { rows, order: [0, 1, 2, 3, 4, 5], positive: true, norm };
+        let mut this =
+            Self { columns: matrix.data.0, order: [0, 1, 2, 3, 4, 5], positive: true, norm };
         // One column each, with every loop of constant length.
         let regular = this.eliminate::<0>(threshold)
             && this.eliminate::<1>(threshold)
@@ -43,11 +44,10 @@ impl<T: Real> Elimination<T> {
     /// pivot is larger than `threshold`.
     #[inline]
     fn eliminate<const K: usize>(&mut self, threshold: T) -> bool {
-        let rows = &mut self.rows;
-        let mut pivot_size = rows[K][K].abs();
+        let mut pivot_size = self.columns[K][K].abs();
         let mut pivot_row = K;
         for i in K + 1..CABLES {
-            let size = rows[i][K].abs();
+            let size = self.columns[K][i].abs();
             if size > pivot_size {
                 pivot_size = size;
                 pivot_row = i;
@@ -58,19 +58,24 @@ impl<T: Real> Elimination<T> {
             return false;
         }
         if pivot_row != K {
-            rows.swap(K, pivot_row);
+            for column in &mut self.columns {
+                column.swap(K, pivot_row);
+            }
             self.order.swap(K, pivot_row);
             self.positive = !self.positive;
         }
-        let pivot = rows[K];
-        self.positive = self.positive == (pivot[K] > T::zero());
-        let reciprocal = T::one() / pivot[K];
-        rows[K][K] = reciprocal;
-        for row in rows.iter_mut().skip(K + 1) {
-            let factor = row[K] * reciprocal;
-            row[K] = factor;
-            for j in K + 1..CABLES {
-                row[j] -= factor * pivot[j];
+        let pivot = self.columns[K][K];
+        self.positive = self.positive == (pivot > T::zero());
+        let reciprocal = T::one() / pivot;
+        self.columns[K][K] = reciprocal;
+        for i in K + 1..CABLES {
+            self.columns[K][i] *= reciprocal;
+        }
+        let factors = self.columns[K];
+        for column in self.columns.iter_mut().skip(K + 1) {
+            let top = column[K];
+            for i in K + 1..CABLES {
+                column[i] -= factors[i] * top;
             }
         }
         true
@@ -80,21 +85,19 @@ impl<T: Real> Elimination<T> {
     #[inline]
     #[must_use]
     pub fn solve(&self, right: &Vector6<T>) -> Vector6<T> {
-        let mut x = [T::zero(); CABLES];
-        for i in 0..CABLES {
-            // The order is a permutation, which the compiler cannot know; indexing could panic.
-            let mut sum = right.get(self.order[i]).copied().unwrap_or_else(T::zero);
-            for j in 0..i {
-                sum -= self.rows[i][j] * x[j];
+        // The order is a permutation, which the compiler cannot know; indexing could panic.
+        let mut x: [T; CABLES] =
+            core::array::from_fn(|i| right.get(self.order[i]).copied().unwrap_or_else(T::zero));
+        for j in 0..CABLES {
+            for i in j + 1..CABLES {
+                x[i] -= self.columns[j][i] * x[j];
             }
-            x[i] = sum;
         }
-        for i in (0..CABLES).rev() {
-            let mut sum = x[i];
-            for j in i + 1..CABLES {
-                sum -= self.rows[i][j] * x[j];
+        for j in (0..CABLES).rev() {
+            x[j] *= self.columns[j][j];
+            for i in 0..j {
+                x[i] -= self.columns[j][i] * x[j];
             }
-            x[i] = sum * self.rows[i][i];
         }
         Vector6::from(x)
     }

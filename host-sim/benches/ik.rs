@@ -95,8 +95,11 @@ mod step {
     use cdpr_core::Real;
     use divan::{Bencher, black_box};
 
-    use crate::warm_path::Walker;
+    use crate::warm_path::{TICKS, Walker};
 
+    /// Calls in one sample: once around the circle.
+    #[allow(clippy::cast_possible_truncation)]
+    const SAMPLE: u32 = TICKS as u32;
     /// A step of 1e-5 leaves an error of 1e-10 of each force and length.
     const TOLERANCE: f64 = 1e-5;
     /// What a further step may change.
@@ -115,19 +118,19 @@ mod step {
     }
 
     /// One step from the line through the last two solutions.
-    #[divan::bench]
+    #[divan::bench(sample_size = SAMPLE)]
     fn warm_f64(bencher: Bencher) {
         walk(bencher, Walker::on_circle(TOLERANCE, ERROR), Walker::warm_tick);
     }
 
     /// The same in single precision.
-    #[divan::bench]
+    #[divan::bench(sample_size = SAMPLE)]
     fn warm_f32(bencher: Bencher) {
         walk(bencher, Walker::on_circle(TOLERANCE_F32, ERROR_F32), Walker::warm_tick);
     }
 
     /// Two steps from the last solution.
-    #[divan::bench]
+    #[divan::bench(sample_size = SAMPLE)]
     fn cold_two_steps(bencher: Bencher) {
         walk(bencher, Walker::on_circle(TOLERANCE, ERROR), Walker::cold_tick);
     }
