@@ -24,6 +24,35 @@
 //! [`scalar`] → [`geometry`] and [`wrench`] → [`cable`] models → [`line`] (one cable by itself) →
 //! [`force_curve`] → [`statics`] → [`elimination`] → [`newton`].
 //!
+//! # Use
+//!
+//! What a controller does at each tick, from the forces and rest lengths of the last one:
+//!
+//! ```
+//! use cdpr_core::statics::Balance;
+//! use cdpr_core::{
+//!     CABLES, CableState, GeometryFault, IrvineCatenary, Load, NewtonStep, Pose, Robot, StepFault,
+//! };
+//!
+//! enum Fault {
+//!     Pose(GeometryFault),
+//!     Step(StepFault),
+//! }
+//!
+//! fn tick(
+//!     robot: &Robot<f32, IrvineCatenary<f32>>,
+//!     load: &Load<f32>,
+//!     last: &Balance<f32>,
+//!     pose: &Pose<f32>,
+//!     states: &mut [CableState<f32>; CABLES],
+//! ) -> Result<Balance<f32>, Fault> {
+//!     let balance = last.at_next(robot, load, pose).map_err(Fault::Pose)?; // planes of the cables
+//!     let step = NewtonStep::new(robot, &balance, states).map_err(Fault::Step)?; // one elimination
+//!     *states = step.states; // forces and rest lengths; step.relative_change^2 is the error left
+//!     Ok(balance)
+//! }
+//! ```
+//!
 //! SI units everywhere: m, N, kg, rad, s. Raw scalars carry their unit in the name.
 
 #![no_std]

@@ -14,7 +14,7 @@ that. Each call is timed by itself with the monotonic clock, whose own cost is i
 Neither side is built for the local processor: `cargo bench` here, plain `gcc -O3` there.
 
 Two more columns show what these choices cost CasADi: `-O2`, which suits its code better, and
-`abstolStep = 1e-10`, which demands that a further iteration confirms the accuracy.
+`abstolStep = 1e-10`, for which the equations are evaluated once more to confirm the accuracy.
 """
 
 import argparse
@@ -32,7 +32,7 @@ SAME_LENGTHS = 1e-8
 # The goal: our time over that of the first variant.
 GOAL = 1 / 3
 # Rounds, each with one run of every program, and turns of the circle in one run.
-ROUNDS = 7
+ROUNDS = 11
 TURNS = 20
 # Compiler flag and, over the tolerance of the Rust side, `abstolStep`.
 VARIANTS = {"-O3": ("-O3", 1), "-O2": ("-O2", 1), "-O3, 1e-10": ("-O3", 1e-5)}

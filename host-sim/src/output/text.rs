@@ -93,10 +93,10 @@ fn heading(request: &Request) -> String {
 fn solution_text(number: usize, found: &FoundSolution) -> String {
     let solution = &found.solution;
     let mut out = format!(
-        "Solution {number}, from rigid slack set {}: det {}, condition {:.4}\n",
+        "Solution {number}, from rigid slack set {}: det {}, condition {:.1}\n",
         solution.origin,
         sign(solution.is_positive),
-        significant(solution.condition),
+        solution.condition,
     );
     let columns = [
         "rest length [m]",
