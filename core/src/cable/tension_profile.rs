@@ -37,7 +37,9 @@ pub(super) struct TensionProfile<T: Scalar> {
 }
 
 impl<T: Scalar> TensionProfile<T> {
-    #[inline]
+    // With the end point that it is a part of.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
     pub(super) fn new(force_n: Vector2<T>, weight_n: T) -> Self {
         let force_a = Vector2::new(force_n.x, force_n.y - weight_n);
         let (tension_b, excess_b) = T::hypot_with_excess(force_n.x, force_n.y);

@@ -108,7 +108,7 @@ mod image {
             moment_nm: vector3(),
         });
         black_box(load.wrench(&pose));
-        let plane = black_box(CablePlane::new(&robot, &robot.cables()[0], &pose, vector2()));
+        let plane = black_box(CablePlane::new(robot, &robot.cables()[0], &pose, vector2()));
         black_box(plane.distance_m());
 
         let Some(balance) = show(Balance::at(robot, &load, &pose)) else { return };
