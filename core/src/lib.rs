@@ -21,7 +21,7 @@
 //! equilibrium, so one Newton step needs one 6x6 elimination, whatever the cable model.
 //!
 //! The modules follow the flow of data:
-//! [`scalar`] → [`geometry`] and [`wrench`] → [`cable`] models → [`line`] (one cable by itself) →
+//! [`scalar`] → [`geometry`] and [`wrench`] → [`cable`] models → [`mod@line`] (one cable by itself) →
 //! [`force_curve`] → [`statics`] → [`elimination`] → [`newton`].
 //!
 //! # Use

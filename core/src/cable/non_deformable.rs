@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use super::{CableModel, EndPoint, LinearElastic};
-use crate::Scalar;
+use crate::line::{LineFault, LineSolution};
+use crate::{Real, Scalar};
 
 /// Massless and inextensible: a straight line of length `L` (the paper's equation 3).
 ///
@@ -31,9 +32,9 @@ impl<T: Scalar> CableModel<T> for NonDeformable {
         x_m: T,
         z_m: T,
         rest_length_m: T,
-    ) -> Result<crate::LineSolution<T>, crate::LineFault>
+    ) -> Result<LineSolution<T>, LineFault>
     where
-        T: crate::Real,
+        T: Real,
     {
         LinearElastic { compliance_per_n: T::zero() }.force_at_length(x_m, z_m, rest_length_m)
     }
