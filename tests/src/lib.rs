@@ -5,6 +5,7 @@ use cdpr_host_sim::cases::Overrides;
 use cdpr_host_sim::enumerate::{ModelKind, Request};
 use cdpr_host_sim::robot_file::RobotDescription;
 use nalgebra::{Matrix2x3, Vector2};
+use proptest::test_runner::{Config as ProptestConfig, RngSeed};
 use serde::de::{Deserialize, Deserializer, Error};
 
 /// The one table of tolerances.
@@ -221,10 +222,16 @@ pub fn random_cases() -> Vec<PoseCase> {
     serde_json::from_str(include_str!("../data/random.json")).expect("data/random.json")
 }
 
-/// How many random tests to make where `ordinary` are enough for every day: a hundred times as many
-/// when the environment variable `CDPR_LONG` is set.
+/// Random tests, `ordinary` of them every day and a hundred times as many when the environment
+/// variable `CDPR_LONG` is set. The same ones in every run; `PROPTEST_RNG_SEED` gives others.
 #[must_use]
-pub fn random_tests(ordinary: u32) -> u32 {
+pub fn random_tests(ordinary: u32) -> ProptestConfig {
     let long = std::env::var_os("CDPR_LONG").is_some_and(|value| !value.is_empty());
-    if long { 100 * ordinary } else { ordinary }
+    let config = ProptestConfig::default();
+    let rng_seed = match config.rng_seed {
+        RngSeed::Random => RngSeed::Fixed(0),
+        given @ RngSeed::Fixed(_) => given,
+    };
+    let cases = if long { 100 * ordinary } else { ordinary };
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..config }
 }

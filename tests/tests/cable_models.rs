@@ -4,20 +4,9 @@
 use cdpr_core::{
     CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola, Real,
 };
-use cdpr_tests::{CableCase, cable_cases, tolerance};
+use cdpr_tests::{CableCase, cable_cases, random_tests, tolerance};
 use nalgebra::{Matrix2x3, Vector2};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
-
-/// The same cases in every run; `PROPTEST_RNG_SEED` gives others.
-fn config(cases: u32) -> ProptestConfig {
-    let config = ProptestConfig::default();
-    let rng_seed = match config.rng_seed {
-        RngSeed::Random => RngSeed::Fixed(0),
-        given @ RngSeed::Fixed(_) => given,
-    };
-    ProptestConfig { cases, rng_seed, failure_persistence: None, ..config }
-}
 
 /// A cable under a force, away from the singular points.
 #[derive(Clone, Copy, Debug)]
@@ -217,7 +206,7 @@ fn check_contract(model: impl CableModel<f64>, state: &State) -> Result<(), Test
 }
 
 proptest! {
-    #![proptest_config(config(1000))]
+    #![proptest_config(random_tests(1000))]
 
     #[test]
     fn derivatives_agree_with_central_differences(state in states()) {
@@ -255,7 +244,7 @@ fn check_equal(
 }
 
 proptest! {
-    #![proptest_config(config(1000))]
+    #![proptest_config(random_tests(1000))]
 
     #[test]
     fn without_weight_or_stretch_the_simpler_models_are_left(state in states()) {
@@ -409,7 +398,7 @@ fn integral(f: &impl Fn(f64) -> Vector2<f64>, from: f64, to: f64, halvings: u32)
 const HALVINGS: u32 = 10;
 
 proptest! {
-    #![proptest_config(config(200))]
+    #![proptest_config(random_tests(200))]
 
     #[test]
     fn end_points_agree_with_quadrature(state in states()) {

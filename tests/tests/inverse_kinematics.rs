@@ -381,7 +381,7 @@ fn a_step_refuses_what_has_no_tangent() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: random_tests(600), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(random_tests(600))]
 
     /// The degree depends on the pose alone, and continuation never finds a solution twice.
     #[test]

@@ -5,10 +5,10 @@ use std::cell::Cell;
 
 use cdpr_core::line::{self, LineFault, LineSolution};
 use cdpr_core::{CableModel, IrvineCatenary, LinearElastic, NonDeformable, Parabola, Real};
-use cdpr_tests::{CableCase, cable_cases, tolerance};
+use cdpr_tests::{CableCase, cable_cases, random_tests, tolerance};
 use nalgebra::{Matrix2, Vector2};
 use proptest::prelude::*;
-use proptest::test_runner::{RngSeed, TestError, TestRunner};
+use proptest::test_runner::{TestError, TestRunner};
 
 /// The question: a cable between its anchor and the point `(x, z)`.
 #[derive(Clone, Copy, Debug)]
@@ -404,21 +404,13 @@ fn lines() -> impl Strategy<Value = Line<f64>> {
     )
 }
 
-/// Checks `cases` lines, the same in every run (`PROPTEST_RNG_SEED` gives others), and returns the
-/// largest number of iterations.
+/// Checks `cases` random lines and returns the largest number of iterations.
 fn for_lines(cases: u32, check: impl Fn(&Line<f64>) -> Result<u32, TestCaseError>) -> u32 {
-    let config = ProptestConfig::default();
-    let rng_seed = match config.rng_seed {
-        RngSeed::Random => RngSeed::Fixed(0),
-        given @ RngSeed::Fixed(_) => given,
-    };
     let most = Cell::new(0);
-    let outcome =
-        TestRunner::new(ProptestConfig { cases, rng_seed, failure_persistence: None, ..config })
-            .run(&lines(), |line| {
-                most.set(most.get().max(check(&line)?));
-                Ok(())
-            });
+    let outcome = TestRunner::new(random_tests(cases)).run(&lines(), |line| {
+        most.set(most.get().max(check(&line)?));
+        Ok(())
+    });
     if let Err(TestError::Fail(reason, line)) = &outcome {
         panic!("{reason}\n{line:?}");
     }
