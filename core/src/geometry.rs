@@ -211,8 +211,9 @@ pub struct CablePlane<T: Scalar> {
 }
 
 impl<T: Real> CablePlane<T> {
-    /// The plane of one of the cables of `robot` at `pose`. Where anchor and attachment stand exactly above each other
-    /// any direction will do; `previous` is kept, so that a moving cable does not flip.
+    /// The plane of one of the cables of `robot` at `pose`. Where anchor and attachment stand
+    /// exactly above each other any direction will do; `previous` is kept, so that a moving cable
+    /// does not flip.
     pub fn new<M>(
         robot: &Robot<T, M>,
         cable: &Cable<T, M>,

@@ -48,7 +48,8 @@ struct Enumerate {
     #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
     rotation_vector: Option<[f64; 3]>,
     /// Many poses from a file, JSON Lines or a JSON array
-    #[arg(long, long_help = CASES_HELP, value_name = "FILE", conflicts_with_all = ["position", "rotation_vector"])]
+    #[arg(long, long_help = CASES_HELP, value_name = "FILE")]
+    #[arg(conflicts_with_all = ["position", "rotation_vector"])]
     cases: Option<PathBuf>,
     /// Mass of the platform, kg [default: from the robot file, like all below]
     #[arg(long, value_name = "KG", value_parser = positive, allow_hyphen_values = true)]

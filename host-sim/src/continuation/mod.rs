@@ -377,18 +377,15 @@ fn doubles(branches: &[Branch]) -> Vec<usize> {
         }
         _ => None,
     };
-    let same = |a: &[CableState<f64>; CABLES], b: &[CableState<f64>; CABLES]| {
-        a.iter().zip(b).all(|(a, b)| {
+    let same = |i: usize, j: usize| {
+        let (Some(a), Some(b)) = (arrived(&branches[i]), arrived(&branches[j])) else {
+            return false;
+        };
+        a.iter().zip(&b).all(|(a, b)| {
             (a.rest_length_m / b.rest_length_m - 1.0).abs() < SAME
                 && (a.force_n - b.force_n).norm() < SAME * a.force_n.norm()
         })
     };
-    (0..branches.len())
-        .filter(|&i| {
-            (0..branches.len()).any(|j| {
-                i != j
-                    && matches!((arrived(&branches[i]), arrived(&branches[j])), (Some(a), Some(b)) if same(&a, &b))
-            })
-        })
-        .collect()
+    let indices = 0..branches.len();
+    indices.clone().filter(|&i| indices.clone().any(|j| i != j && same(i, j))).collect()
 }
