@@ -71,6 +71,12 @@ pub enum CasesError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// There is no case in it.
+    #[error("{path}: no case in the file")]
+    Empty {
+        /// The file.
+        path: String,
+    },
     /// A case is not valid.
     #[error("{path}: case {case}: {message}")]
     Case {
@@ -160,6 +166,8 @@ pub fn read(
 
 /// An array of cases, or any number of cases one after the other (JSON Lines among them).
 fn parse(text: &str, path: &str) -> Result<Vec<Case>, CasesError> {
+    // Editors of some systems put a byte order mark first.
+    let text = text.trim_start_matches('\u{feff}');
     let mut cases = Vec::new();
     if text.trim_start().starts_with('[') {
         // Element by element, so that an error can name its case.
@@ -176,6 +184,9 @@ fn parse(text: &str, path: &str) -> Result<Vec<Case>, CasesError> {
         for case in serde_json::Deserializer::from_str(text).into_iter() {
             push(&mut cases, case, path)?;
         }
+    }
+    if cases.is_empty() {
+        return Err(CasesError::Empty { path: path.to_owned() });
     }
     Ok(cases)
 }

@@ -214,6 +214,16 @@ fn cases_are_run_as_array_and_as_lines() {
         assert_refused(&["enumerate", "--cases", &bad], &["bad.jsonl: case 2", message]);
     }
     assert_refused(&["enumerate", "--cases", "nowhere.json"], &["nowhere.json"]);
+    for nothing in ["", "[]", "\n\n"] {
+        let empty = file(&folder, "empty.json", nothing);
+        assert_refused(&["enumerate", "--cases", &empty], &["empty.json: no case in the file"]);
+    }
+    let marked =
+        file(&folder, "marked.jsonl", &format!("\u{feff}{}\r\n{}\r\n", cases[0], cases[1]));
+    assert_eq!(
+        stdout(&cdpr(&["--cases", &marked, "--format", "json"]).success()).lines().count(),
+        2
+    );
 }
 
 #[test]

@@ -24,8 +24,8 @@ const FOLD_STEPS: usize = 60;
 /// A fold is found when the tangent turns within this part of its unit length: the error of the
 /// deformation there is of its square.
 const FOLD_TOLERANCE: f64 = 1e-8;
-/// A path has run away when a tension is this many times the load: a slack cable that long would
-/// weigh as much, and no path of the reference cases comes near.
+/// A path has run away when a tension is this many times what there is to carry, the load and the
+/// weight of the longest taut cable. No path of the reference cases comes near.
 const RUN_AWAY: f64 = 1e6;
 /// The simplified model takes over where the horizontal force is this part of the whole.
 const NEARLY_VERTICAL: f64 = 1e-7;
@@ -227,9 +227,13 @@ fn locate_fold<M: CableModel<f64>>(
     Fold { deformation: best.1.deformation(), states: best.1.states }
 }
 
-/// Whether a tension has grown so far beyond the load that it will not come back.
+/// Whether a tension has grown so far beyond all weights that it will not come back.
 fn run_away<M: CableModel<f64>>(system: &System<'_, M>, here: &Point) -> Option<End> {
-    let bound_n = RUN_AWAY * system.problem.balance.wrench_n().amax();
+    let balance = &system.problem.balance;
+    let cable_n =
+        |i: usize| system.problem.model(i).weight_n_m() * balance.planes()[i].distance_m();
+    let load_n = (0..CABLES).map(cable_n).fold(balance.wrench_n().amax(), f64::max);
+    let bound_n = RUN_AWAY * load_n;
     let cable = here.states.iter().position(|state| state.force_n.norm() > bound_n)?;
     Some(End::RanAway { cable, deformation: here.deformation() })
 }

@@ -72,7 +72,7 @@ fn heading(request: &Request) -> String {
     let same = |value: &dyn Fn(usize) -> f64| {
         let first = value(0);
         if (1..CABLES).all(|i| value(i).to_bits() == first.to_bits()) {
-            format!("{first}")
+            plain(first)
         } else {
             "by cable".to_owned()
         }
@@ -82,7 +82,7 @@ fn heading(request: &Request) -> String {
         "{} at ({x}, {y}, {z}) m, rotation vector ({a}, {b}, {c}) rad, {} kg\n\
          cables: {model}, {} kg/m, EA {} N, at most {} m and {} N\n",
         robot.name,
-        robot.load.mass_kg,
+        plain(robot.load.mass_kg),
         same(&|i| cables[i].model.linear_density_kg_m),
         same(&|i| cables[i].model.axial_stiffness_n),
         same(&|i| robot.limits[i].max_length_m),
@@ -154,6 +154,16 @@ fn count(number: usize) -> String {
 
 fn sign(is_positive: bool) -> &'static str {
     if is_positive { "+" } else { "-" }
+}
+
+/// All digits, with an exponent where there would be many zeros.
+fn plain(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-4..1e9).contains(&size) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
 }
 
 /// Six significant digits without an exponent, for the range of forces and sags.
