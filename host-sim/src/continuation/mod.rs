@@ -235,10 +235,27 @@ fn branch<M: CableModel<f64>>(
         return ended(BranchEnd::SingularStart);
     };
     let bottom = start.sigma;
-    let path = follow(system, start, (bottom, 0.0), true, caution);
+    let mut path = follow(system, start, (bottom, 0.0), true, caution);
+    let mut attempts = 0;
+    while let End::Bottom(point) = &path.end
+        && identify(problem, rigid, point).is_none()
+        && attempts < START_ATTEMPTS
+    {
+        attempts += 1;
+        let bottom = point.sigma + START_SHRINK.ln();
+        let further = follow(
+            System { problem, vertical: path.vertical },
+            point.clone(),
+            (bottom, 0.0),
+            false,
+            caution,
+        );
+        path = further.after(path);
+    }
     let end = match &path.end {
         End::Top(point) => arrival(problem, origin.slack, point, &path),
-        End::Bottom(point) => come_back(problem, rigid, point, &path),
+        End::Bottom(point) => identify(problem, rigid, point)
+            .map_or(BranchEnd::CameBackElsewhere, BranchEnd::MetBranch),
         End::RanAway { cable, deformation } => {
             BranchEnd::RanAway { cable: *cable, deformation: *deformation }
         }
@@ -299,38 +316,29 @@ fn start<'a, M: CableModel<f64>>(
     None
 }
 
-/// Largest change of a force from the rigid solution, relative to that force.
-fn departure<M>(problem: &Problem<M>, origin: &RigidSolution, point: &Point) -> f64 {
+/// Largest change of a force or rest length from the rigid solution, relative to it.
+fn departure<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    origin: &RigidSolution,
+    point: &Point,
+) -> f64 {
+    let deformation = point.deformation();
+    let weights =
+        std::array::from_fn(|i| problem.model(i).at_deformation(deformation).weight_n_m());
+    let rigid = origin.states(&problem.balance, &weights);
     let change = |i: usize| {
-        (point.states[i].force_n - origin.force_n(&problem.balance, i)).norm() / origin.forces_n[i]
+        let force = (point.states[i].force_n - rigid[i].force_n).norm() / origin.forces_n[i];
+        force.max((point.states[i].rest_length_m / rigid[i].rest_length_m - 1.0).abs())
     };
     (0..CABLES).map(change).fold(0.0, f64::max)
 }
 
-fn identify<M>(problem: &Problem<M>, rigid: &[RigidSolution], point: &Point) -> Option<SlackSet> {
-    rigid.iter().find(|r| departure(problem, r, point) < IDENTIFIED).map(|r| r.slack)
-}
-
-/// A path that went down again: which rigid solution does it lead to?
-fn come_back<M: CableModel<f64>>(
+fn identify<M: CableModel<f64>>(
     problem: &Problem<M>,
     rigid: &[RigidSolution],
     point: &Point,
-    path: &Path,
-) -> BranchEnd {
-    let mut point = point.clone();
-    let mut vertical = path.vertical;
-    for _ in 0..START_ATTEMPTS {
-        if let Some(partner) = identify(problem, rigid, &point) {
-            return BranchEnd::MetBranch(partner);
-        }
-        let bottom = point.sigma + START_SHRINK.ln();
-        let further = follow(System { problem, vertical }, point, (bottom, 0.0), false, 1.0);
-        let End::Bottom(next) = further.end else { break };
-        vertical = further.vertical;
-        point = next;
-    }
-    BranchEnd::CameBackElsewhere
+) -> Option<SlackSet> {
+    rigid.iter().find(|r| departure(problem, r, point) < IDENTIFIED).map(|r| r.slack)
 }
 
 /// A path that reached full deformation: the solution, held against the limits.

@@ -64,6 +64,16 @@ pub(super) struct Path {
     pub(super) largest_h: f64,
 }
 
+impl Path {
+    /// This path as the continuation of `before`.
+    pub(super) fn after(mut self, before: Self) -> Self {
+        self.folds.splice(0..0, before.folds);
+        self.steps += before.steps;
+        self.largest_h = self.largest_h.max(before.largest_h);
+        self
+    }
+}
+
 /// Follows the solution `start` until `sigma` leaves `bottom..=top`, first upwards or downwards.
 /// `caution` divides the longest step: 1 is the ordinary run.
 pub(super) fn follow<M: CableModel<f64>>(
@@ -159,6 +169,19 @@ fn advance<M: CableModel<f64>>(
     if !landed && (point.sigma > top || point.sigma < bottom) {
         return None; // overshot along the arc: a shorter step will land
     }
+    let predicted = rate;
+    let after = system.linearise(&point)?.tangent(held, &tangent).map(|t| t[DEFORMATION]);
+    if let Some(after) = after
+        && !landed
+        && held != DEFORMATION
+        && length > 1e-3
+    {
+        let mean = 0.5 * (predicted + after) * length;
+        let off = (point.sigma - here.sigma - mean).abs();
+        if off > 0.1 * length * predicted.abs().max(after.abs()) {
+            return None;
+        }
+    }
     let tangent =
         system.linearise(&point)?.tangent(held, &tangent).or_else(|| landed.then_some(tangent))?;
     Some(Advance { point, tangent, kantorovich, landed })
@@ -201,7 +224,21 @@ fn locate_fold<M: CableModel<f64>>(
         let moved = (after.states[held].force_n - before.states[held].force_n).dot(&curve.tangent);
         let whole = moved / linear.scales[held] / tangent[held];
         let mut low = (0.0, tangent[DEFORMATION]);
-        let mut high = (whole, along_after[DEFORMATION]);
+        let turn_at = |length: f64| -> Option<(f64, Point)> {
+            let start = linear.advance(before, &tangent.map(|t| t * length), false);
+            let point = converge(system, &start, held)?;
+            let turn = system.linearise(&point)?.tangent(held, &tangent)?[DEFORMATION];
+            Some((turn, point))
+        };
+        // Curves bend: `whole` along the tangent need not reach `after`.
+        let mut high = (whole, turn_at(whole)?.0);
+        for _ in 0..20 {
+            if (high.1 > 0.0) != (low.1 > 0.0) {
+                break;
+            }
+            high.0 *= 1.25;
+            high.1 = turn_at(high.0)?.0;
+        }
         for _ in 0..FOLD_STEPS {
             let length = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
             let start = linear.advance(before, &tangent.map(|t| t * length), false);
