@@ -1,6 +1,6 @@
 //! The command `cdpr`: see [`cdpr_host_sim::cli`].
 
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Write as _};
 use std::process::ExitCode;
 
 use cdpr_host_sim::cli::{self, Cli, CliError};
@@ -12,7 +12,8 @@ fn main() -> ExitCode {
         // Whoever reads has seen enough: `cdpr ... | head` is no error.
         Err(CliError::Output(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("cdpr: {error}");
+            // Not eprintln!, which panics when nobody can be told.
+            let _ = writeln!(io::stderr(), "cdpr: {error}");
             ExitCode::from(error.exit_code())
         }
     }

@@ -170,10 +170,16 @@ impl Source<'_> {
 
     fn vector(
         &self,
-        value: &Spanned<[f64; 3]>,
+        value: &Spanned<Vec<f64>>,
         field: &str,
     ) -> Result<Vector3<f64>, RobotFileError> {
-        let vector = Vector3::from(*value.get_ref());
+        // Not an array of three: serde would read [8,826, ...] and drop what is too many.
+        let &[x, y, z] = value.get_ref().as_slice() else {
+            let count = value.get_ref().len();
+            let message = format_args!("{count} numbers given, three needed");
+            return Err(self.refuse(value.span(), field, message));
+        };
+        let vector = Vector3::new(x, y, z);
         if vector.iter().all(|c| c.is_finite()) {
             Ok(vector)
         } else {
@@ -210,9 +216,9 @@ struct Document {
 #[serde(deny_unknown_fields)]
 struct Platform {
     mass_kg: Spanned<f64>,
-    center_of_mass_m: Option<Spanned<[f64; 3]>>,
-    external_force_n: Option<Spanned<[f64; 3]>>,
-    external_moment_nm: Option<Spanned<[f64; 3]>>,
+    center_of_mass_m: Option<Spanned<Vec<f64>>>,
+    external_force_n: Option<Spanned<Vec<f64>>>,
+    external_moment_nm: Option<Spanned<Vec<f64>>>,
 }
 
 #[derive(Deserialize)]
@@ -227,8 +233,8 @@ struct CommonCable {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct OneCable {
-    anchor_m: Spanned<[f64; 3]>,
-    attachment_m: Spanned<[f64; 3]>,
+    anchor_m: Spanned<Vec<f64>>,
+    attachment_m: Spanned<Vec<f64>>,
     linear_density_kg_m: Option<Spanned<f64>>,
     axial_stiffness_n: Option<Spanned<f64>>,
     max_length_m: Option<Spanned<f64>>,
@@ -241,7 +247,7 @@ impl Document {
             Some(value) => source.positive(value, "gravity_m_s2")?,
             None => DEFAULT_GRAVITY_M_S2,
         };
-        let optional_vector = |value: &Option<Spanned<[f64; 3]>>, field: &str| match value {
+        let optional_vector = |value: &Option<Spanned<Vec<f64>>>, field: &str| match value {
             Some(value) => source.vector(value, field),
             None => Ok(Vector3::zeros()),
         };

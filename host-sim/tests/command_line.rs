@@ -136,6 +136,11 @@ fn every_mistake_in_a_robot_file_is_named() {
             "anchor_m = [9.421, -3.482, 11.555]",
             "cables[3].anchor_m: cables 2 and 3 leave from the same anchor",
         ),
+        (
+            "anchor_m = [-3.259, -0.475, 8.826]",
+            "anchor_m = [-3.259, -0.475, 8,826]",
+            "cables[1].anchor_m: 4 numbers given, three needed",
+        ),
         ("center_of_mass_m = [0.0", "center_of_mass_m = [inf", "platform.center_of_mass_m"),
         ("gravity_m_s2 = 9.81", "gravity_m_s2 = -9.81", "gravity_m_s2: -9.81 is not positive"),
         ("name = \"MARIONET-CRANE\"", "name = \"MARIONET-CRANE", "TOML"),
