@@ -15,12 +15,18 @@ const SHORTEST_STEP: f64 = 1e-10;
 const EASY: f64 = 0.08;
 /// `sigma` leads as long as it has this part of the unit tangent, else the largest force does.
 const LEADING: f64 = 0.2;
+/// Around a fold, how far the change of the deformation over a step may be from that of a parabola,
+/// relative to its rate at the ends; steps shorter than [`SHORT_ARC`] are not asked.
+const MAX_BEND: f64 = 0.1;
+const SHORT_ARC: f64 = 1e-3;
 /// Bound on the steps of one path. Paths of the reference cases take 20 to 120.
 const MAX_STEPS: usize = 20_000;
 /// Bound on the folds of one path.
 const MAX_FOLDS: usize = 64;
 /// Bound on the steps that pin a fold down.
 const FOLD_STEPS: usize = 60;
+/// Bound on the steps that bracket a fold, each a quarter longer than the last.
+const BRACKET_STEPS: usize = 20;
 /// A fold is found when the tangent turns within this part of its unit length: the error of the
 /// deformation there is of its square.
 const FOLD_TOLERANCE: f64 = 1e-8;
@@ -169,21 +175,22 @@ fn advance<M: CableModel<f64>>(
     if !landed && (point.sigma > top || point.sigma < bottom) {
         return None; // overshot along the arc: a shorter step will land
     }
-    let predicted = rate;
-    let after = system.linearise(&point)?.tangent(held, &tangent).map(|t| t[DEFORMATION]);
-    if let Some(after) = after
-        && !landed
+    if !kantorovich.reaches(&there, &start, &point) {
+        return None;
+    }
+    let after = system.linearise(&point)?.tangent(held, &tangent);
+    if let Some(after) = &after
         && held != DEFORMATION
-        && length > 1e-3
+        && length > SHORT_ARC
     {
-        let mean = 0.5 * (predicted + after) * length;
-        let off = (point.sigma - here.sigma - mean).abs();
-        if off > 0.1 * length * predicted.abs().max(after.abs()) {
+        // A pair of folds within the step would leave the signs at its ends as they are.
+        let rates = (rate, after[DEFORMATION]);
+        let off = (point.sigma - here.sigma - 0.5 * (rates.0 + rates.1) * length).abs();
+        if off > MAX_BEND * length * rates.0.abs().max(rates.1.abs()) {
             return None;
         }
     }
-    let tangent =
-        system.linearise(&point)?.tangent(held, &tangent).or_else(|| landed.then_some(tangent))?;
+    let tangent = after.or_else(|| landed.then_some(tangent))?;
     Some(Advance { point, tangent, kantorovich, landed })
 }
 
@@ -232,7 +239,7 @@ fn locate_fold<M: CableModel<f64>>(
         };
         // Curves bend: `whole` along the tangent need not reach `after`.
         let mut high = (whole, turn_at(whole)?.0);
-        for _ in 0..20 {
+        for _ in 0..BRACKET_STEPS {
             if (high.1 > 0.0) != (low.1 > 0.0) {
                 break;
             }
@@ -241,9 +248,7 @@ fn locate_fold<M: CableModel<f64>>(
         }
         for _ in 0..FOLD_STEPS {
             let length = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
-            let start = linear.advance(before, &tangent.map(|t| t * length), false);
-            let point = converge(system, &start, held)?;
-            let turn = system.linearise(&point)?.tangent(held, &tangent)?[DEFORMATION];
+            let (turn, point) = turn_at(length)?;
             if turn.abs() < best.0 {
                 best = (turn.abs(), point);
             }

@@ -26,9 +26,9 @@ const CONVERGED_TO_ROUNDING: f64 = 1e-9;
 /// norm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Kantorovich {
-    /// `eta`: size of the first Newton step.
-    pub(super) eta: f64,
-    /// Contraction `k`: change of the derivative over the ball of radius `2 eta`, seen through the
+    /// Radius of the ball, twice the size `eta` of the first Newton step.
+    pub(super) radius: f64,
+    /// Contraction `k`: change of the derivative over the ball, seen through the
     /// inverse at its centre, and over the way from the last solution to it.
     pub(super) contraction: f64,
     /// `h = eta omega` with `omega = k / (2 eta)` the Lipschitz constant over the ball: at most 1/2
@@ -53,7 +53,7 @@ pub(super) fn kantorovich<M: CableModel<f64>>(
 ) -> Option<Kantorovich> {
     let elimination = linear.eliminate(held)?;
     let newton = linear.newton(held, &elimination);
-    let eta = newton.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
+    let eta = size_of_step(linear, start, &newton);
     let radius = (2.0 * eta).max(LEAST_RADIUS);
     let mut row_sums = Vector6::zeros();
     for i in 0..CABLES {
@@ -93,17 +93,27 @@ pub(super) fn kantorovich<M: CableModel<f64>>(
         }
     }
     let contraction = row_sums.max();
-    contraction.is_finite().then_some(Kantorovich {
-        eta,
-        contraction,
-        h: eta * contraction / radius,
-    })
+    let h = eta * contraction / radius;
+    contraction.is_finite().then_some(Kantorovich { radius, contraction, h })
 }
 
 impl Kantorovich {
     /// Whether the start is accepted.
     pub(super) fn holds(&self) -> bool {
         self.contraction <= MAX_CONTRACTION
+    }
+
+    /// Whether `solution` lies in the ball around `start` that was tested. It does unless the corners
+    /// of the ball missed a bend of a curve.
+    pub(super) fn reaches<M>(
+        &self,
+        linear: &Linearised<'_, M>,
+        start: &Point,
+        solution: &Point,
+    ) -> bool {
+        let moved = |i: usize| (solution.states[i].force_n - start.states[i].force_n).norm();
+        let forces = (0..CABLES).all(|i| moved(i) <= self.radius * linear.scales[i]);
+        forces && (solution.sigma - start.sigma).abs() <= self.radius
     }
 }
 
