@@ -48,7 +48,7 @@
 //! ) -> Result<Balance<f32>, Fault> {
 //!     let balance = last.at_next(robot, load, pose).map_err(Fault::Pose)?; // planes of the cables
 //!     let step = NewtonStep::new(robot, &balance, states).map_err(Fault::Step)?; // one elimination
-//!     *states = step.states; // forces and rest lengths; step.relative_change^2 is the error left
+//!     *states = step.states; // forces and rest lengths; see step.relative_change
 //!     Ok(balance)
 //! }
 //! ```

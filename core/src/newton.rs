@@ -54,7 +54,9 @@ pub struct NewtonStep<T: Scalar> {
     /// shortest way to its curve (moments over the moment arm), N.
     pub imbalance_n: T,
     /// Size of the step: the largest change of a force or rest length, each relative to the force
-    /// or rest length of its cable. Once this is small, its square is the error that is left.
+    /// or rest length of its cable. From the solution of a nearby pose the error that is left is
+    /// about its square; from any other start it can be 10^4 times that (next to a fold, or for the
+    /// small horizontal force of a very slack cable): look at the next step then.
     pub relative_change: T,
     elimination: Elimination<T>,
 }

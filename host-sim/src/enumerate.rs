@@ -175,8 +175,17 @@ impl Request {
             });
             Some(FoundSolution { solution, sags_m, retraced: None })
         };
-        let solutions = rigid.solutions.iter().filter_map(found).collect();
-        Ok(Enumeration { rigid, solutions, branches: Vec::new() })
+        let mut solutions = Vec::new();
+        let mut branches = Vec::new();
+        for found in rigid.solutions.iter().filter_map(found) {
+            let origin = found.solution.origin;
+            let end = continuation::held_against_limits(&self.robot.limits, found.solution.clone());
+            if matches!(end, BranchEnd::Solution(_)) {
+                solutions.push(found);
+            }
+            branches.push(Branch { origin, end, folds: Vec::new(), steps: 0, largest_h: 0.0 });
+        }
+        Ok(Enumeration { rigid, solutions, branches })
     }
 }
 

@@ -126,8 +126,8 @@ pub struct RigidSolutions {
     pub undecided: Vec<SlackSet>,
 }
 
-/// A force below this part of the largest one is zero to rounding: the linear systems have
-/// conditions up to about 1e4 away from singular postures, and leave 1e-12.
+/// A force below this part of the largest one is zero to rounding, or below 16 rounding units times
+/// the condition of the linear system where that is more.
 const ZERO_FORCE: f64 = 1e-11;
 
 /// A system with a larger condition is singular: its forces would exceed the load by as much.
@@ -150,8 +150,12 @@ impl RigidSolutions {
             let matrix = Matrix6::from_columns(&columns);
             let Some(elimination) = Elimination::new(&matrix) else { continue };
             let forces = elimination.solve(&-balance.wrench_n());
-            let zero = ZERO_FORCE * forces.amax();
-            if forces.min() < -zero || elimination.condition() > SINGULAR_CONDITION {
+            if forces.min() < -1e-5 * forces.amax() {
+                continue; // without a doubt, and without the cost of a condition
+            }
+            let condition = elimination.condition();
+            let zero = forces.amax() * ZERO_FORCE.max(16.0 * f64::EPSILON * condition);
+            if forces.min() < -zero || condition > SINGULAR_CONDITION {
                 continue;
             }
             if forces.min() > zero {

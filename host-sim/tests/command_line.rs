@@ -75,6 +75,14 @@ fn a_pose_without_solution_is_an_answer() {
 }
 
 #[test]
+fn limits_hold_for_rigid_cables_too() {
+    let question = ["--model", "rigid", "--position", "4,7,2", "--max-length", "60"];
+    let text = stdout(&cdpr(&question).success());
+    assert!(text.contains("no solution, degree 0"), "{text}");
+    assert!(text.contains("beyond a limit: length of cable 4 is 149.9"), "{text}");
+}
+
+#[test]
 fn options_override_the_robot_file() {
     let folder = TempDir::new().expect("a folder");
     let robot = file(&folder, "robot.toml", CRANE);

@@ -18,6 +18,7 @@ use cdpr_core::{CABLES, CableModel, CableState};
 
 use crate::problem::Problem;
 use crate::rigid::{RigidSolution, SlackSet};
+use crate::robot_file::CableLimits;
 use path::{End, Path, follow, restore_full_model};
 use step::converge;
 use system::{DEFORMATION, Point, System};
@@ -168,7 +169,7 @@ impl fmt::Display for Branch {
                 write!(f, "singular start: no solution beside the rigid one")?;
             }
             BranchEnd::Stalled { deformation } => {
-                write!(f, "singular point at s = {deformation:.6}")?;
+                write!(f, "given up at s = {deformation:.6}, next to a singular point")?;
             }
             BranchEnd::Doubtful => write!(f, "doubtful: two branches arrive at one solution")?,
         }
@@ -364,7 +365,12 @@ fn arrival<M: CableModel<f64>>(
         condition: elimination.condition(),
         vertical: path.vertical,
     };
-    for (cable, limits) in problem.limits.iter().enumerate() {
+    held_against_limits(&problem.limits, solution)
+}
+
+/// `solution`, or the first cable that is beyond its limit.
+pub(crate) fn held_against_limits(limits: &[CableLimits; CABLES], solution: Solution) -> BranchEnd {
+    for (cable, limits) in limits.iter().enumerate() {
         let quantity = if solution.states[cable].rest_length_m > limits.max_length_m {
             Quantity::Length
         } else if solution.tension_n(cable) > limits.max_tension_n {

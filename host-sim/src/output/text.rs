@@ -37,21 +37,17 @@ pub fn text(request: &Request, answer: &Enumeration) -> String {
             "Undecided: with slack {slack} a force is zero to rounding (border of two sets)"
         );
     }
-    if request.model == ModelKind::Rigid {
-        let _ =
-            writeln!(out, "\nRest lengths, slack cables hanging vertically under their own weight");
-    } else {
-        let found = answer.solutions.len();
-        let _ = writeln!(out, "\nDeformable cables: {}, degree {}", count(found), answer.degree());
-        for branch in &answer.branches {
-            let _ = writeln!(out, "  branch {}: {branch}", branch.origin);
-        }
-        if answer.degree() != answer.rigid.degree() {
-            let _ = writeln!(
-                out,
-                "  The degrees differ: a solution lies beyond the limits or was not found"
-            );
-        }
+    let title = match request.model {
+        ModelKind::Rigid => "Within the limits, slack cables hanging vertically",
+        _ => "Deformable cables",
+    };
+    let found = count(answer.solutions.len());
+    let _ = writeln!(out, "\n{title}: {found}, degree {}", answer.degree());
+    for branch in &answer.branches {
+        let _ = writeln!(out, "  branch {}: {branch}", branch.origin);
+    }
+    if answer.degree() != answer.rigid.degree() {
+        let _ = writeln!(out, "  The degrees differ: not every branch has given a solution");
     }
     for (number, found) in answer.solutions.iter().enumerate() {
         let _ = write!(out, "\n{}", solution_text(number + 1, found));
