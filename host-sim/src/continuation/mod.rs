@@ -205,18 +205,31 @@ pub fn inverse<M: CableModel<f64>>(
     let start = Point { states: solution.states, sigma: 0.0 };
     let smallest =
         rigid.iter().map(|r| start_deformation(problem, r)).fold(START_DEFLECTION, f64::min);
-    let mut bottom = smallest.ln();
-    let mut path = follow(system, start, (bottom, 0.0), false, 1.0);
-    for _ in 0..START_ATTEMPTS {
-        let End::Bottom(point) = &path.end else { return None };
-        if let Some(set) = identify(problem, rigid, point) {
-            return Some(set);
-        }
-        bottom += START_SHRINK.ln();
-        let system = System { problem, vertical: path.vertical };
-        path = follow(system, point.clone(), (bottom, 0.0), false, 1.0);
+    let path = follow(system, start, (smallest.ln(), 0.0), false, 1.0);
+    match down_to_rigid(problem, rigid, path, 1.0).end {
+        End::Bottom(point) => identify(problem, rigid, &point),
+        _ => None,
     }
-    None
+}
+
+/// Follows a path that has come to the lower end of the deformation further down, until it is close
+/// enough to a rigid solution to tell which, or turns away.
+fn down_to_rigid<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    rigid: &[RigidSolution],
+    mut path: Path,
+    caution: f64,
+) -> Path {
+    for _ in 0..START_ATTEMPTS {
+        let End::Bottom(point) = &path.end else { break };
+        if identify(problem, rigid, point).is_some() {
+            break;
+        }
+        let range = (point.sigma + START_SHRINK.ln(), 0.0);
+        let system = System { problem, vertical: path.vertical };
+        path = follow(system, point.clone(), range, false, caution).after(path);
+    }
+    path
 }
 
 /// Follows one rigid solution.
@@ -236,23 +249,8 @@ fn branch<M: CableModel<f64>>(
         return ended(BranchEnd::SingularStart);
     };
     let bottom = start.sigma;
-    let mut path = follow(system, start, (bottom, 0.0), true, caution);
-    let mut attempts = 0;
-    while let End::Bottom(point) = &path.end
-        && identify(problem, rigid, point).is_none()
-        && attempts < START_ATTEMPTS
-    {
-        attempts += 1;
-        let bottom = point.sigma + START_SHRINK.ln();
-        let further = follow(
-            System { problem, vertical: path.vertical },
-            point.clone(),
-            (bottom, 0.0),
-            false,
-            caution,
-        );
-        path = further.after(path);
-    }
+    let path = follow(system, start, (bottom, 0.0), true, caution);
+    let path = down_to_rigid(problem, rigid, path, caution);
     let end = match &path.end {
         End::Top(point) => arrival(problem, origin.slack, point, &path),
         End::Bottom(point) => identify(problem, rigid, point)

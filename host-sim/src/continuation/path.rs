@@ -199,9 +199,12 @@ fn leading(tangent: &Coordinates) -> usize {
     if tangent[DEFORMATION].abs() >= LEADING {
         return DEFORMATION;
     }
-    (0..CABLES)
-        .max_by(|&i, &j| tangent[i].abs().total_cmp(&tangent[j].abs()))
-        .unwrap_or(DEFORMATION)
+    largest_force(tangent)
+}
+
+/// The cable whose force turns fastest along `tangent`.
+fn largest_force(tangent: &Coordinates) -> usize {
+    (1..CABLES).fold(0, |best, i| if tangent[i].abs() >= tangent[best].abs() { i } else { best })
 }
 
 /// The fold between two points of a path whose tangents point to either side of it.
@@ -223,9 +226,7 @@ fn locate_fold<M: CableModel<f64>>(
     let mut find = || -> Option<()> {
         let linear = system.linearise(before)?;
         let tangent = linear.tangent(leading(along_before), along_before)?;
-        let largest =
-            |t: &Coordinates| (0..CABLES).max_by(|&i, &j| t[i].abs().total_cmp(&t[j].abs()));
-        let held = largest(along_after)?;
+        let held = largest_force(along_after);
         // How far along the held force the second point lies from the first.
         let curve = &linear.curves[held].curve;
         let moved = (after.states[held].force_n - before.states[held].force_n).dot(&curve.tangent);
