@@ -12,6 +12,7 @@ pub mod cases;
 pub mod cli;
 pub mod continuation;
 pub mod enumerate;
+pub mod interval;
 pub mod output;
 pub mod problem;
 pub mod rigid;
