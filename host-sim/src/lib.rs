@@ -10,6 +10,7 @@
 
 pub mod cases;
 pub mod cli;
+pub mod complete;
 pub mod continuation;
 pub mod enumerate;
 pub mod interval;

@@ -1,0 +1,384 @@
+//! Branch and prune over boxes of six pieces of force curve.
+//!
+//! Each cable keeps a binary tree of pieces, cut when a box first needs it and shared by all boxes.
+//! A box in which the equations have no solution is dropped; one in which they have at most one is
+//! settled by finding it; any other is cut where that helps most.
+
+use cdpr_core::{CABLES, CableState, newton};
+use nalgebra::Vector6;
+
+use super::curve::{Curve, Node, Piece};
+use super::model::Provable;
+use super::statics::{Verdict, examine, narrow};
+use super::{Place, Proof};
+use crate::interval::Interval;
+use crate::problem::Problem;
+
+/// Bound on the boxes of one pose. Poses of the reference cases take 50 to 3000.
+const MAX_BOXES: usize = 200_000;
+/// Bound on the pieces of one cable: a few hundred bytes each.
+const MAX_PIECES: usize = 20_000;
+/// A box whose pieces are all smaller than this part of their force is not cut any more.
+const LEAST_PIECE: f64 = 1e-7;
+/// Part of the load that counts as a force even in a cable without any.
+const LEAST_FORCE: f64 = 1e-3;
+/// Newton's method from the middle of a box.
+const NEWTON_STEPS: u32 = 16;
+const CONVERGED: f64 = 1e-11;
+/// Radius of the box in which a solution is proven, relative to its forces; smaller ones are tried.
+const PROOF_RADIUS: f64 = 1e-5;
+const PROOF_SHRINK: f64 = 0.1;
+const PROOF_ATTEMPTS: usize = 4;
+/// Distance of a cut from the range that it separates, in half chords, at least.
+const CUT_BESIDE: f64 = 1e-6;
+/// A range of this radius, in half chords, decides where a piece is cut.
+const NARROW: f64 = 0.1;
+/// A solution further than this from a box, in half chords, is not looked for by extending it.
+const NEAR: f64 = 4.0;
+
+/// One cable: its curve and the pieces cut so far.
+struct Tree<'a, M: Provable> {
+    curve: Curve<'a, M>,
+    pieces: Vec<Piece>,
+    cuts: Vec<Cut>,
+}
+
+#[derive(Clone, Copy)]
+enum Cut {
+    /// Not tried yet.
+    Whole,
+    /// Into the piece with this index and the next one.
+    Into(usize),
+    /// No point between the ends could be proven.
+    Refused,
+}
+
+impl<M: Provable> Tree<'_, M> {
+    /// The two parts of a piece: index of the first, the second follows it.
+    fn cut(&mut self, index: usize, u: f64) -> Option<usize> {
+        match self.cuts[index] {
+            Cut::Into(first) => Some(first),
+            Cut::Refused => None,
+            Cut::Whole => {
+                let first = self.pieces.len();
+                let parts = (first < MAX_PIECES).then(|| self.parts(index, u)).flatten();
+                self.cuts[index] = if parts.is_some() { Cut::Into(first) } else { Cut::Refused };
+                let parts = parts?;
+                self.pieces.extend(parts);
+                self.cuts.extend([Cut::Whole; 2]);
+                Some(first)
+            }
+        }
+    }
+
+    fn parts(&self, index: usize, u: f64) -> Option<[Piece; 2]> {
+        let piece = &self.pieces[index];
+        let node = self.curve.cut(piece, u)?;
+        Some([self.curve.piece(piece.shorter, node)?, self.curve.piece(node, piece.longer)?])
+    }
+
+    /// The part of a piece that holds all its points with `u` in the range `low..=high`, when it is
+    /// only one of the two.
+    fn part_around(&mut self, index: usize, (low, high): (f64, f64)) -> Option<usize> {
+        let piece = self.pieces[index];
+        let (center, radius) = (0.5 * (low + high), 0.5 * (high - low));
+        if !piece.slope.is_finite() || radius > 0.75 {
+            return None; // `u` need not rise along the piece, or the range is too wide
+        }
+        // A piece that is still whole is cut beside the range, where it leaves less.
+        let margin = 2.0 * radius + CUT_BESIDE;
+        let beside = if center > 0.0 { center - margin } else { center + margin };
+        let inside = center.abs() + margin < 1.0 && radius < NARROW;
+        let first = self.cut(index, if inside { beside } else { piece.apex })?;
+        // Where the cut lies along the chord, on either side of its size.
+        let node = &self.pieces[first].longer;
+        let u = piece.coordinate(node);
+        if high < u.low() {
+            Some(first)
+        } else if low > u.high() {
+            Some(first + 1)
+        } else {
+            None
+        }
+    }
+}
+
+impl Piece {
+    /// Coordinate `u` of a point of its curve, in half chords from the middle.
+    fn coordinate(&self, node: &Node) -> Interval {
+        let chord = self.half_chord_n.map(Interval::point);
+        let offset = node.state.force_n - self.center_n.map(Interval::point);
+        (offset.x * chord.x + offset.y * chord.y) / (chord.x.square() + chord.y.square())
+    }
+
+    /// How large it is against its own force.
+    fn relative_size(&self, least_n: f64) -> f64 {
+        self.half_chord_n.norm() / (self.center_n.norm() + least_n)
+    }
+}
+
+/// A box: the index of a piece of each cable.
+type Box6 = [usize; CABLES];
+
+/// What the search found.
+pub(super) struct Found {
+    pub(super) proofs: Vec<Proof>,
+    pub(super) undecided: Vec<Place>,
+    pub(super) boxes: usize,
+    pub(super) pieces: usize,
+}
+
+/// The search at one pose.
+pub(super) struct Search<'a, M: Provable> {
+    problem: &'a Problem<M>,
+    trees: Vec<Tree<'a, M>>,
+    least_n: f64,
+    found: Found,
+}
+
+impl<'a, M: Provable> Search<'a, M> {
+    /// A search over the stretches between the given nodes.
+    pub(super) fn new(problem: &'a Problem<M>, curves: Vec<(Curve<'a, M>, Piece)>) -> Self {
+        let trees = curves
+            .into_iter()
+            .map(|(curve, root)| Tree { curve, pieces: vec![root], cuts: vec![Cut::Whole] })
+            .collect();
+        let least_n = LEAST_FORCE * problem.balance.wrench_n().amax();
+        let found = Found { proofs: Vec::new(), undecided: Vec::new(), boxes: 0, pieces: 0 };
+        Self { problem, trees, least_n, found }
+    }
+
+    pub(super) fn run(mut self) -> Found {
+        let mut stack: Vec<Box6> = vec![[0; CABLES]];
+        while let Some(candidate) = stack.pop() {
+            if self.found.boxes >= MAX_BOXES {
+                self.give_up(&candidate);
+                continue;
+            }
+            self.found.boxes += 1;
+            self.treat(candidate, &mut stack);
+        }
+        self.found.pieces = self.trees.iter().map(|t| t.pieces.len()).sum();
+        self.found
+    }
+
+    fn pieces(&self, candidate: &Box6) -> [&Piece; CABLES] {
+        std::array::from_fn(|i| &self.trees[i].pieces[candidate[i]])
+    }
+
+    fn treat(&mut self, candidate: Box6, stack: &mut Vec<Box6>) {
+        let wrench_n = self.problem.balance.wrench_n();
+        let pieces = self.pieces(&candidate);
+        let Some(mut ranges) = narrow(&pieces, wrench_n) else { return };
+        let verdict = examine(&pieces, wrench_n);
+        if let Some(verdict) = &verdict {
+            match verdict.narrow(&ranges) {
+                Some(narrowed) => ranges = narrowed,
+                None => return,
+            }
+        }
+        if let Some(verdict) = &verdict
+            && verdict.is_unique()
+            && self.settle(&candidate, verdict)
+        {
+            return;
+        }
+        // Parts that hold no solution can be left out at once.
+        let mut smaller = candidate;
+        for k in 0..CABLES {
+            if let Some(part) = self.trees[k].part_around(candidate[k], ranges[k]) {
+                smaller[k] = part;
+            }
+        }
+        if smaller != candidate {
+            stack.push(smaller);
+            return;
+        }
+        let Some(verdict) = verdict else { return self.cut_largest(candidate, stack) };
+        let share =
+            if verdict.radius.max() > 0.5 { verdict.thickness_share } else { verdict.slope_share };
+        self.cut_by(candidate, &share, stack);
+    }
+
+    /// Cuts the piece that is thickest in newtons.
+    fn cut_largest(&mut self, candidate: Box6, stack: &mut Vec<Box6>) {
+        let pieces = self.pieces(&candidate);
+        let thickness =
+            Vector6::from_fn(|i, _| pieces[i].thickness * pieces[i].half_chord_n.norm());
+        self.cut_by(candidate, &thickness, stack);
+    }
+
+    /// Cuts the piece with the largest share that can be cut; gives up when there is none.
+    fn cut_by(&mut self, candidate: Box6, share: &Vector6<f64>, stack: &mut Vec<Box6>) {
+        let mut order: [usize; CABLES] = std::array::from_fn(|i| i);
+        order.sort_by(|&i, &j| share[j].total_cmp(&share[i]));
+        for k in order {
+            let piece = &self.trees[k].pieces[candidate[k]];
+            let apex = piece.apex;
+            if piece.relative_size(self.least_n) < LEAST_PIECE {
+                continue;
+            }
+            if let Some(first) = self.trees[k].cut(candidate[k], apex) {
+                for part in [first, first + 1] {
+                    let mut half = candidate;
+                    half[k] = part;
+                    stack.push(half);
+                }
+                return;
+            }
+        }
+        self.give_up(&candidate);
+    }
+
+    fn give_up(&mut self, candidate: &Box6) {
+        let place = Place::of(&self.pieces(candidate));
+        // Neighbours are one place.
+        for known in &mut self.found.undecided {
+            if known.touches(&place) {
+                *known = known.hull(&place);
+                return;
+            }
+        }
+        self.found.undecided.push(place);
+    }
+
+    /// Finds the solution of a box that has at most one and proves it; whether the box is settled.
+    fn settle(&mut self, candidate: &Box6, verdict: &Verdict) -> bool {
+        let pieces = self.pieces(candidate);
+        let start: [CableState<f64>; CABLES] = std::array::from_fn(|k| {
+            let piece = pieces[k];
+            let u = verdict.center[k].clamp(-1.0, 1.0);
+            let (a, b) = (piece.shorter.near.rest_length_m, piece.longer.near.rest_length_m);
+            CableState {
+                force_n: piece.center_n + piece.half_chord_n * u,
+                rest_length_m: a + (b - a) * 0.5 * (1.0 + u),
+            }
+        });
+        let Problem { robot, balance, .. } = self.problem;
+        let Ok(converged) = newton::converge(robot, balance, &start, CONVERGED, NEWTON_STEPS)
+        else {
+            return false;
+        };
+        let solution = converged.step.states;
+        let far = |k: usize| {
+            let offset = solution[k].force_n - pieces[k].center_n;
+            let u = offset.dot(&pieces[k].half_chord_n) / pieces[k].half_chord_n.norm_squared();
+            u.abs() > NEAR
+        };
+        if (0..CABLES).any(far) {
+            return false;
+        }
+        if let Some(known) = self.found.proofs.iter().position(|p| p.holds(&solution)) {
+            let nodes = self.found.proofs[known].nodes;
+            return self.covers(candidate, &nodes);
+        }
+        let Some(proof) = self.prove(&solution) else { return false };
+        let settled = self.covers(candidate, &proof.nodes);
+        if settled {
+            self.found.proofs.push(proof);
+        }
+        settled
+    }
+
+    /// Whether a box, extended to the solution at `nodes` where that lies outside, has at most one
+    /// solution, which is this one then.
+    fn covers(&self, candidate: &Box6, nodes: &[Node; CABLES]) -> bool {
+        let mut extended = self.pieces(candidate).map(|p| *p);
+        let mut changed = false;
+        for (k, node) in nodes.iter().enumerate() {
+            let length = node.state.rest_length_m;
+            let (shorter, longer) = (extended[k].shorter, extended[k].longer);
+            let inside = length.low() >= shorter.state.rest_length_m.high()
+                && length.high() <= longer.state.rest_length_m.low();
+            if inside {
+                continue;
+            }
+            changed = true;
+            let curve = &self.trees[k].curve;
+            // A point of the curve beyond the solution, as far from it as rounding needs.
+            let beyond = |towards: f64| {
+                let step = 1e-6 * (node.near.force_n.norm() + self.least_n) * towards;
+                curve.beside(node, step)
+            };
+            let piece = if length.middle() < shorter.near.rest_length_m {
+                beyond(-1.0).and_then(|end| curve.piece(end, longer))
+            } else if length.middle() > longer.near.rest_length_m {
+                beyond(1.0).and_then(|end| curve.piece(shorter, end))
+            } else if length.low() < shorter.state.rest_length_m.high() {
+                beyond(-1.0).and_then(|end| curve.piece(end, longer))
+            } else {
+                beyond(1.0).and_then(|end| curve.piece(shorter, end))
+            };
+            let Some(piece) = piece else { return false };
+            extended[k] = piece;
+        }
+        if !changed {
+            return true;
+        }
+        let pieces = std::array::from_fn(|k| &extended[k]);
+        examine(&pieces, self.problem.balance.wrench_n()).is_some_and(|v| v.is_unique())
+    }
+
+    /// Proves a solution in a small box of its own and encloses it.
+    pub(super) fn prove(&self, solution: &[CableState<f64>; CABLES]) -> Option<Proof> {
+        let wrench_n = self.problem.balance.wrench_n();
+        let mut relative = PROOF_RADIUS;
+        for _ in 0..PROOF_ATTEMPTS {
+            if let Some(proof) = self.prove_within(solution, relative, wrench_n) {
+                return Some(proof);
+            }
+            relative *= PROOF_SHRINK;
+        }
+        None
+    }
+
+    fn prove_within(
+        &self,
+        solution: &[CableState<f64>; CABLES],
+        relative: f64,
+        wrench_n: &Vector6<f64>,
+    ) -> Option<Proof> {
+        let mut pieces = Vec::with_capacity(CABLES);
+        for (tree, state) in self.trees.iter().zip(solution) {
+            let radius_n = relative * (state.force_n.norm() + self.least_n);
+            let node = tree.curve.node(*state)?;
+            let shorter = tree.curve.beside(&node, -radius_n)?;
+            let longer = tree.curve.beside(&node, radius_n)?;
+            pieces.push(tree.curve.piece(shorter, longer)?);
+        }
+        let pieces: [&Piece; CABLES] = std::array::from_fn(|k| &pieces[k]);
+        let verdict = examine(&pieces, wrench_n)?;
+        if !(verdict.is_unique() && verdict.maps_inside(&pieces)) {
+            return None;
+        }
+        // Where on each piece the solution is, and from there its force and length.
+        let mut nodes = Vec::with_capacity(CABLES);
+        for k in 0..CABLES {
+            let (piece, curve) = (pieces[k], &self.trees[k].curve);
+            let size_n = piece.half_chord_n.norm();
+            let axis = piece.half_chord_n / size_n;
+            let u = verdict.center[k];
+            let target_n = (piece.center_n + piece.half_chord_n * u).dot(&axis);
+            let near = curve.approach(solution[k], axis, target_n)?;
+            let left = target_n - near.force_n.dot(&axis);
+            let radius_n = verdict.radius[k] * size_n;
+            let rounding_n = 16.0 * f64::EPSILON * (near.force_n.amax() + size_n);
+            let along = Interval::around(left, radius_n + rounding_n);
+            nodes.push(curve.node_along(near, axis, along)?);
+        }
+        Some(Proof {
+            nodes: nodes.try_into().ok()?,
+            radii_n: std::array::from_fn(|k| pieces[k].half_chord_n.norm()),
+        })
+    }
+}
+
+impl<M: Provable> Curve<'_, M> {
+    /// A proven point of the curve about `step_n` further along it.
+    pub(super) fn beside(&self, node: &Node, step_n: f64) -> Option<Node> {
+        let axis = node.tangent;
+        let guess = CableState { force_n: node.near.force_n + axis * step_n, ..node.near };
+        let target_n = node.near.force_n.dot(&axis) + step_n;
+        self.node(self.approach(guess, axis, target_n)?)
+    }
+}
