@@ -50,11 +50,12 @@ impl Interval {
     /// All real numbers: nothing is known.
     pub const ENTIRE: Self = Self { negated_low: f64::INFINITY, high: f64::INFINITY };
 
-    /// The interval from `low` to `high`; [`Interval::ENTIRE`] unless `low <= high`.
+    /// The interval from `low` to `high`; [`Interval::ENTIRE`] unless `low <= high` and a real
+    /// number is between them.
     #[must_use]
     #[inline]
     pub fn new(low: f64, high: f64) -> Self {
-        if low <= high { Self { negated_low: -low, high } } else { Self::ENTIRE }
+        if low <= high { Self::checked(-low, high) } else { Self::ENTIRE }
     }
 
     /// The single number `value`.
@@ -187,8 +188,9 @@ impl Interval {
     ///
     /// The logarithm of libm (FreeBSD's) errs by less than one unit in the last place, which is at
     /// most two units of rounding.
+    #[must_use]
     #[inline]
-    fn ln(self) -> Self {
+    pub fn ln(self) -> Self {
         if self.low() > 0.0 {
             let (low, high) = (libm::log(self.low()), libm::log(self.high));
             Self::checked(up_by(-low, 3.0), up_by(high, 3.0))
@@ -328,20 +330,21 @@ impl Scalar for Interval {
     #[inline]
     fn atanh_tail(q: Self, complement: Self) -> Self {
         // Two views of one number, q itself and 1 - complement: the tighter one counts at each end.
-        let from_complement = Self::one() - complement;
-        let low = if q.low() >= from_complement.low() {
-            let end = Self::point(q.low().max(0.0));
-            tail(end, Self::one() - end)
-        } else {
+        // They are compared as complements, in which near q = 1 neither loses digits.
+        let from_q = Self::one() - q;
+        let low = if complement.high < from_q.high {
             let end = Self::point(complement.high.min(1.0));
             tail(Self::one() - end, end)
-        };
-        let high = if q.high <= from_complement.high {
-            let end = Self::point(q.high);
-            tail(end, Self::one() - end)
         } else {
+            let end = Self::point(q.low().max(0.0));
+            tail(end, Self::one() - end)
+        };
+        let high = if complement.low() > from_q.low() {
             let end = Self::point(complement.low());
             tail(Self::one() - end, end)
+        } else {
+            let end = Self::point(q.high);
+            tail(end, Self::one() - end)
         };
         Self::checked(low.negated_low, high.high)
     }

@@ -1,5 +1,7 @@
 //! Golden data, and the one table of tolerances that the tests across the crates share.
 
+use std::collections::BTreeMap;
+
 use cdpr_core::IrvineCatenary;
 use cdpr_host_sim::cases::Overrides;
 use cdpr_host_sim::enumerate::{ModelKind, Request};
@@ -130,6 +132,39 @@ fn decimals<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Matrix2x3<f64>
         }
     }
     Ok(matrix)
+}
+
+/// An operation on intervals, from `data/interval.json`, with the range of its exact results.
+#[derive(Clone, Debug)]
+pub struct IntervalCase {
+    /// `add`, `sub`, `mul`, `div`, `neg`, `square`, `sqrt`, `ln`, `hull`, `intersection`, `around`
+    /// (center and radius), `distance` and `excess` (`sqrt(x^2 + z^2)`, less `z`), `tail` (of `q` and
+    /// its complement to one) or `constant` (the float next to the number meant).
+    pub operation: String,
+    /// Low and high of each operand.
+    pub operands: Vec<[f64; 2]>,
+    /// The largest float that is not above the least exact result, and the smallest that is not
+    /// below the greatest: any sound enclosure holds both. Empty where the first is the larger.
+    pub range: [f64; 2],
+}
+
+/// The operations of `data/interval.json`.
+///
+/// # Panics
+/// When the file is not what `oracles/interval.py` writes.
+#[must_use]
+pub fn interval_cases() -> Vec<IntervalCase> {
+    let data: BTreeMap<String, Vec<String>> =
+        serde_json::from_str(include_str!("../data/interval.json")).expect("data/interval.json");
+    let case = |operation: &str, line: &str| {
+        let numbers: Vec<f64> = line.split(' ').map(|n| n.parse().expect("a float")).collect();
+        let mut pairs: Vec<[f64; 2]> = numbers.chunks_exact(2).map(|p| [p[0], p[1]]).collect();
+        let range = pairs.pop().expect("a range");
+        IntervalCase { operation: operation.to_owned(), operands: pairs, range }
+    };
+    data.iter()
+        .flat_map(|(operation, lines)| lines.iter().map(move |line| case(operation, line)))
+        .collect()
 }
 
 /// Answers for one pose: `data/paper.json` and `data/random.json`.
