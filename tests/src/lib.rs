@@ -167,9 +167,10 @@ pub fn interval_cases() -> Vec<IntervalCase> {
         .collect()
 }
 
-/// Answers for one pose: `data/paper.json` and `data/random.json`.
+/// Answers for one pose: `data/paper.json` and `data/random.json`; with `S` as in [`RefinedCase`],
+/// `data/solutions.json`.
 #[derive(Clone, Debug, serde::Deserialize)]
-pub struct PoseCase {
+pub struct PoseCase<S = SolutionCase> {
     /// Position of the platform origin, m.
     pub position_m: [f64; 3],
     /// Orientation as rotation vector, rad.
@@ -191,7 +192,7 @@ pub struct PoseCase {
     #[serde(default)]
     pub rigid_slack_sets: Vec<Vec<usize>>,
     /// All deformable solutions.
-    pub solutions: Vec<SolutionCase>,
+    pub solutions: Vec<S>,
 }
 
 /// A rigid solution of `data/paper.json`.
@@ -218,7 +219,7 @@ pub struct SolutionCase {
     pub det_sign: Option<i8>,
 }
 
-impl PoseCase {
+impl<S> PoseCase<S> {
     /// The question of this case, for MARIONET-CRANE with elastic catenaries.
     #[must_use]
     pub fn request(&self) -> Request {
@@ -255,6 +256,45 @@ pub fn paper_cases() -> Vec<PoseCase> {
 #[must_use]
 pub fn random_cases() -> Vec<PoseCase> {
     serde_json::from_str(include_str!("../data/random.json")).expect("data/random.json")
+}
+
+/// One pose of `data/solutions.json` with its solutions to 40 digits: all that are known of
+/// `paper.json` and `random.json`, and of a pose that has no rigid solution.
+#[derive(Clone, Debug, serde::Deserialize)]
+pub struct RefinedCase {
+    /// Which case it is.
+    pub origin: String,
+    /// The question, and the solutions. No rigid ones are in the file.
+    #[serde(flatten)]
+    pub pose: PoseCase<RefinedSolution>,
+    /// Gravity, m/s^2.
+    pub gravity_m_s2: f64,
+    /// Weight of the cables per length as the program rounds it, N/m.
+    pub weight_n_m: f64,
+    /// Compliance of the cables as the program rounds it, 1/N.
+    pub compliance_per_n: f64,
+    /// Weight of the platform as the program rounds it, N.
+    pub platform_weight_n: f64,
+}
+
+/// A deformable solution; decimal strings, because no float holds it.
+#[derive(Clone, Debug, serde::Deserialize)]
+pub struct RefinedSolution {
+    /// Rest lengths, m.
+    pub lengths_m: [String; 6],
+    /// Horizontal force on the cable at B, N.
+    pub fx_n: [String; 6],
+    /// Vertical force on the cable at B, N.
+    pub fz_n: [String; 6],
+}
+
+/// The poses of `data/solutions.json`.
+///
+/// # Panics
+/// When the file is not what [`RefinedCase`] describes.
+#[must_use]
+pub fn refined_cases() -> Vec<RefinedCase> {
+    serde_json::from_str(include_str!("../data/solutions.json")).expect("data/solutions.json")
 }
 
 /// Random tests, `ordinary` of them every day and a hundred times as many when the environment
