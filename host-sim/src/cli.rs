@@ -1,12 +1,15 @@
 //! The command line.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
+use std::num::NonZeroU16;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
 
 use crate::cases::{self, CasesError, Overrides};
 use crate::enumerate::{ModelKind, Request};
+use crate::in_order;
 use crate::output;
 use crate::robot_file::{RobotDescription, RobotFileError};
 
@@ -17,6 +20,10 @@ const CASES_HELP: &str = "\
 Many poses from a file, JSON Lines or a JSON array, of objects with position_m and optionally \
 rotation_vector_rad, mass_kg, gravity_m_s2, linear_density_kg_m, axial_stiffness_n, max_length_m, \
 max_tension_n; what a case leaves out is taken from the command line, then from the robot file";
+
+const THREADS_HELP: &str = "\
+Threads for the poses of --cases; the answers are the same for any number [default: one for each \
+core, or RAYON_NUM_THREADS from the environment]";
 
 /// Inverse kinematics of cable-driven parallel robots with six deformable cables.
 ///
@@ -78,6 +85,8 @@ struct Enumerate {
     /// Output: tables, or JSON (one line for each case of --cases)
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
+    #[arg(long, help = THREADS_HELP, value_name = "N")]
+    threads: Option<NonZeroU16>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -109,6 +118,9 @@ pub enum CliError {
     /// There is no pose.
     #[error("--position or --cases is needed with --robot or --rotation-vector")]
     NoPose,
+    /// The threads could not be started.
+    #[error("--threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
     /// The answer could not be written.
     #[error("writing the answer: {0}")]
     Output(#[from] io::Error),
@@ -119,14 +131,14 @@ impl CliError {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Output(_) => 1,
+            Self::Output(_) | Self::Threads(_) => 1,
             _ => 2,
         }
     }
 }
 
-/// Runs the command and writes its answer to `out`. All input is read and checked before the first
-/// byte is written.
+/// Runs the command and writes its answers to `out`, in the order of the poses and each as soon as it
+/// is known. All input is read and checked before the first byte is written.
 ///
 /// # Errors
 /// [`CliError`].
@@ -136,26 +148,61 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
         None => cli.enumerate,
     };
     let Method::Continuation = options.method;
-    for request in options.requests()? {
-        let answer = request.enumerate(options.retrace)?;
-        match options.format {
-            Format::Text => writeln!(out, "{}", output::text(&request, &answer))?,
-            Format::Json => {
-                let document = output::json(&request, &answer);
-                if options.cases.is_some() {
-                    serde_json::to_writer(&mut *out, &document).map_err(io::Error::from)?;
-                } else {
-                    serde_json::to_writer_pretty(&mut *out, &document).map_err(io::Error::from)?;
-                }
-                writeln!(out)?;
-            }
-        }
-        out.flush()?; // what is done can be used while the rest is computed
-    }
-    Ok(())
+    let requests = options.requests()?;
+    let threads = in_order::threads(options.threads.map(|n| n.get().into()))?;
+    let progress = progress_bar(requests.len());
+    // Where both are seen on one screen, the bar makes way for the answers.
+    let one_screen = !progress.is_hidden() && io::stdout().is_terminal();
+    in_order::for_each(
+        &threads,
+        &requests,
+        |request| options.answer(request),
+        |answer| {
+            let answer = answer?;
+            let mut write = || {
+                out.write_all(&answer)?;
+                out.flush() // what is done can be used while the rest is computed
+            };
+            if one_screen { progress.suspend(write) } else { write() }?;
+            progress.inc(1);
+            Ok(())
+        },
+    )
+}
+
+/// How far a run over `poses` poses is, on stderr when that is a terminal; gone when the run ends.
+fn progress_bar(poses: usize) -> ProgressBar {
+    let target =
+        if poses > 1 { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template(
+        "{wide_bar} {human_pos} of {human_len} poses, {per_sec:1}, {eta} left",
+    )
+    .expect("a template without mistakes");
+    ProgressBar::with_draw_target(Some(poses as u64), target)
+        .with_style(style)
+        .with_finish(ProgressFinish::AndClear)
 }
 
 impl Enumerate {
+    /// The answer to one request as it is written.
+    fn answer(&self, request: &Request) -> Result<Vec<u8>, CliError> {
+        let answer = request.enumerate(self.retrace)?;
+        let mut text = match self.format {
+            Format::Text => output::text(request, &answer).into_bytes(),
+            Format::Json => {
+                let document = output::json(request, &answer);
+                let write = if self.cases.is_some() {
+                    serde_json::to_vec
+                } else {
+                    serde_json::to_vec_pretty
+                };
+                write(&document).map_err(io::Error::from)?
+            }
+        };
+        text.push(b'\n');
+        Ok(text)
+    }
+
     fn requests(&self) -> Result<Vec<Request>, CliError> {
         let robot = match &self.robot {
             Some(path) => RobotDescription::read(path)?,

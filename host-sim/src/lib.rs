@@ -6,13 +6,14 @@
 //! [`robot_file`] (what the robot is) → [`problem`] (one pose of it) → [`rigid`] (all solutions with
 //! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back) →
 //! [`enumerate`] (the answer for one pose) → [`output`] (as text or JSON). [`cases`] reads many
-//! poses from a file, [`cli`] is the command line.
+//! poses from a file, [`in_order`] asks for them on all cores, [`cli`] is the command line.
 
 pub mod cases;
 pub mod cli;
 pub mod complete;
 pub mod continuation;
 pub mod enumerate;
+pub mod in_order;
 pub mod interval;
 pub mod output;
 pub mod problem;

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command as Process, Stdio};
+use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
@@ -243,19 +244,130 @@ fn cases_are_run_as_array_and_as_lines() {
 fn a_reader_may_leave_early() {
     let folder = TempDir::new().expect("a folder");
     let case = r#"{"position_m": [0.96733, 11.3833, 1.65], "mass_kg": 10}"#;
-    let cases = file(&folder, "many.jsonl", &format!("{case}\n").repeat(2000));
-    let mut child = Process::new(CDPR)
-        .args(["enumerate", "--cases", &cases])
+    // At least half a minute's work for two threads.
+    let cases = file(&folder, "many.jsonl", &format!("{case}\n").repeat(50_000));
+    for threads in ["1", "2"] {
+        let begin = Instant::now();
+        let mut child = Process::new(CDPR)
+            .args(["enumerate", "--cases", &cases, "--threads", threads])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut line).expect("a line");
+        assert!(line.starts_with("MARIONET-CRANE"), "{line}");
+        let output = child.wait_with_output().expect("the program ends");
+        assert!(output.status.success());
+        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+        // Reading the cases takes a second or two.
+        let taken = begin.elapsed();
+        assert!(taken < Duration::from_secs(20), "{taken:?} with {threads} threads");
+    }
+}
+
+/// Poses all over the workspace, with none to three solutions; JSON Lines.
+fn many_poses() -> String {
+    let case = |n: u32| {
+        let n = f64::from(n);
+        let (x, y, z) =
+            (n * 0.618 % 1.0 * 10.0 - 1.0, n * 0.755 % 1.0 * 18.0, n * 0.57 % 4.0 + 0.5);
+        format!("{{\"position_m\": [{x}, {y}, {z}], \"mass_kg\": 10}}")
+    };
+    (0..300).map(case).collect::<Vec<_>>().join("\n") + "\n"
+}
+
+#[test]
+fn any_number_of_threads_writes_the_same_bytes() {
+    let folder = TempDir::new().expect("a folder");
+    let cases = file(&folder, "many.jsonl", &many_poses());
+    for format in ["json", "text"] {
+        let question = ["enumerate", "--cases", &cases, "--format", format, "--threads"];
+        let with = |threads| {
+            let assert = Command::new(CDPR).args(question).arg(threads).assert();
+            assert.success().stderr("").get_output().stdout.clone()
+        };
+        let one = with("1");
+        assert!(one.split(|&byte| byte == b'\n').count() > 300);
+        for threads in ["2", "7"] {
+            assert!(one == with(threads), "{threads} threads, {format}");
+        }
+    }
+    for threads in ["0", "-1", "all"] {
+        assert_refused(&["--cases", &cases, &format!("--threads={threads}")], &["--threads"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn as_many_threads_run_as_asked_for() {
+    use std::io::Read as _;
+
+    let folder = TempDir::new().expect("a folder");
+    let cases = file(&folder, "many.jsonl", &many_poses().repeat(10));
+    for (option, environment, threads) in [
+        (Some("1"), None, 1),
+        (Some("3"), None, 3),
+        (None, Some("3"), 3),
+        (Some("2"), Some("3"), 2),
+    ] {
+        let mut process = Process::new(CDPR);
+        process.args(["enumerate", "--cases", &cases]).env_remove("RAYON_NUM_THREADS");
+        process.args(option.map(|threads| format!("--threads={threads}")));
+        process.envs(environment.map(|threads| ("RAYON_NUM_THREADS", threads)));
+        let mut child = process.stdout(Stdio::piped()).spawn().expect("the program starts");
+        // Once it has written something all threads run, and the full pipe keeps it from ending.
+        let mut first = [0];
+        child.stdout.as_mut().expect("a pipe").read_exact(&mut first).expect("a byte");
+        let tasks = fs::read_dir(format!("/proc/{}/task", child.id())).expect("its threads");
+        let tasks = tasks.count();
+        child.kill().expect("still running");
+        child.wait().expect("ended");
+        // The one that writes comes on top.
+        assert_eq!(tasks, threads + 1, "--threads {option:?}, environment {environment:?}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn progress_is_shown_on_a_terminal_and_never_on_stdout() {
+    use std::io::Read as _;
+
+    use rustix::pty;
+
+    let folder = TempDir::new().expect("a folder");
+    let cases = file(&folder, "many.jsonl", &many_poses());
+    let question = ["enumerate", "--cases", &cases, "--format", "json"];
+    let without_terminal = cdpr(&question).success().stderr("");
+
+    let master =
+        pty::openpt(pty::OpenptFlags::RDWR | pty::OpenptFlags::NOCTTY).expect("a pseudo-terminal");
+    pty::grantpt(&master).expect("granted");
+    pty::unlockpt(&master).expect("unlocked");
+    let name = pty::ptsname(&master, Vec::new()).expect("a name").into_string().expect("UTF-8");
+    let mut master = fs::File::from(master);
+    let terminal = fs::OpenOptions::new().read(true).write(true).open(name).expect("a terminal");
+    let child = Process::new(CDPR)
+        .args(question)
+        .env("TERM", "xterm")
+        .env_remove("NO_COLOR")
         .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
+        .stderr(terminal)
         .spawn()
         .expect("the program starts");
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut line).expect("a line");
-    assert!(line.starts_with("MARIONET-CRANE"), "{line}");
+    // Read at the same time, for a terminal holds little; ends with an error when the child does.
+    let screen = std::thread::spawn(move || {
+        let mut screen = Vec::new();
+        let _ = master.read_to_end(&mut screen);
+        String::from_utf8_lossy(&screen).into_owned()
+    });
     let output = child.wait_with_output().expect("the program ends");
     assert!(output.status.success());
-    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.stdout == without_terminal.get_output().stdout);
+    let screen = screen.join().expect("the terminal is read");
+    for part in ["of 300 poses", "/s", "left"] {
+        assert!(screen.contains(part), "{part:?} not in {screen:?}");
+    }
 }
 
 #[test]
