@@ -1,12 +1,13 @@
 //! The paper's direct and inverse schemes: from non-deformable cables to deformable ones, and back.
 //!
-//! A deformation `s` in `(0, 1]` scales mass and stretch of every cable together:
+//! The deformation `s` in `(0, 1]` scales mass and stretch of every cable together:
 //! `mu(s) = s mu`, `1/EA(s) = s/EA`. Each rigid solution starts a path at a small `s` and is followed
 //! in `ln s`, because the rest length of a slack cable falls like `1/s`. Every step passes a
 //! Kantorovich test in force-curve coordinates before it is taken, so that a path cannot jump to
 //! another branch. Where the deformation turns around (two branches meet) the path is followed by
 //! arc length through the fold and back down, to the partner.
 
+mod homotopy;
 mod path;
 mod step;
 mod system;
@@ -19,11 +20,10 @@ use cdpr_core::{CABLES, CableModel, CableState};
 use crate::problem::Problem;
 use crate::rigid::{RigidSolution, SlackSet};
 use crate::robot_file::CableLimits;
+use homotopy::Deformation;
 use path::{End, Path, follow, restore_full_model};
 use step::converge;
-use system::{DEFORMATION, Point, System};
-
-pub use path::Fold;
+use system::{Point, SIGMA, System};
 
 /// Sag and stretch of the least loaded cable, relative to its length, where paths start: small
 /// enough for the rigid solution to be a start for Newton.
@@ -125,6 +125,21 @@ pub enum BranchEnd {
     Doubtful,
 }
 
+/// Where two branches meet and end: the deformation turns around.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fold {
+    /// Deformation `s` at the fold.
+    pub deformation: f64,
+    /// Forces and rest lengths there.
+    pub states: [CableState<f64>; CABLES],
+}
+
+impl From<Point> for Fold {
+    fn from(point: Point) -> Self {
+        Self { deformation: point.sigma.exp(), states: point.states }
+    }
+}
+
 /// What became of one rigid solution.
 #[derive(Clone, Debug)]
 pub struct Branch {
@@ -182,11 +197,12 @@ impl fmt::Display for Branch {
 
 /// The direct scheme: follows every rigid solution to full deformation.
 pub fn direct<M: CableModel<f64>>(problem: &Problem<M>, rigid: &[RigidSolution]) -> Vec<Branch> {
+    let deformation = Deformation { problem };
     let mut branches: Vec<Branch> =
-        rigid.iter().map(|origin| branch(problem, rigid, origin, 1.0)).collect();
+        rigid.iter().map(|origin| branch(&deformation, rigid, origin, 1.0)).collect();
     // Two branches at one solution: a step has jumped although its test was passed.
     for index in doubles(&branches) {
-        branches[index] = branch(problem, rigid, &rigid[index], CAREFUL);
+        branches[index] = branch(&deformation, rigid, &rigid[index], CAREFUL);
     }
     for index in doubles(&branches) {
         branches[index].end = BranchEnd::Doubtful;
@@ -201,12 +217,13 @@ pub fn inverse<M: CableModel<f64>>(
     rigid: &[RigidSolution],
     solution: &Solution,
 ) -> Option<SlackSet> {
-    let system = System { problem, vertical: solution.vertical };
+    let deformation = Deformation { problem };
+    let system = System { homotopy: &deformation, vertical: solution.vertical };
     let start = Point { states: solution.states, sigma: 0.0 };
     let smallest =
         rigid.iter().map(|r| start_deformation(problem, r)).fold(START_DEFLECTION, f64::min);
     let path = follow(system, start, (smallest.ln(), 0.0), false, 1.0);
-    match down_to_rigid(problem, rigid, path, 1.0).end {
+    match down_to_rigid(&deformation, rigid, path, 1.0).end {
         End::Bottom(point) => identify(problem, rigid, &point),
         _ => None,
     }
@@ -215,18 +232,18 @@ pub fn inverse<M: CableModel<f64>>(
 /// Follows a path that has come to the lower end of the deformation further down, until it is close
 /// enough to a rigid solution to tell which, or turns away.
 fn down_to_rigid<M: CableModel<f64>>(
-    problem: &Problem<M>,
+    deformation: &Deformation<'_, M>,
     rigid: &[RigidSolution],
     mut path: Path,
     caution: f64,
 ) -> Path {
     for _ in 0..START_ATTEMPTS {
         let End::Bottom(point) = &path.end else { break };
-        if identify(problem, rigid, point).is_some() {
+        if identify(deformation.problem, rigid, point).is_some() {
             break;
         }
         let range = (point.sigma + START_SHRINK.ln(), 0.0);
-        let system = System { problem, vertical: path.vertical };
+        let system = System { homotopy: deformation, vertical: path.vertical };
         path = follow(system, point.clone(), range, false, caution).after(path);
     }
     path
@@ -234,36 +251,37 @@ fn down_to_rigid<M: CableModel<f64>>(
 
 /// Follows one rigid solution.
 fn branch<M: CableModel<f64>>(
-    problem: &Problem<M>,
+    deformation: &Deformation<'_, M>,
     rigid: &[RigidSolution],
     origin: &RigidSolution,
     caution: f64,
 ) -> Branch {
+    let problem = deformation.problem;
     let ended =
         |end| Branch { origin: origin.slack, end, folds: Vec::new(), steps: 0, largest_h: 0.0 };
     let weightless = |&i: &usize| origin.slack.contains(i) && problem.model(i).weight_n_m() <= 0.0;
     if let Some(cable) = (0..CABLES).find(weightless) {
         return ended(BranchEnd::Weightless { cable });
     }
-    let Some((system, start)) = start(problem, origin) else {
+    let Some((system, start)) = start(deformation, origin) else {
         return ended(BranchEnd::SingularStart);
     };
     let bottom = start.sigma;
     let path = follow(system, start, (bottom, 0.0), true, caution);
-    let path = down_to_rigid(problem, rigid, path, caution);
+    let path = down_to_rigid(deformation, rigid, path, caution);
     let end = match &path.end {
-        End::Top(point) => arrival(problem, origin.slack, point, &path),
+        End::Top(point) => arrival(deformation, origin.slack, point, &path),
         End::Bottom(point) => identify(problem, rigid, point)
             .map_or(BranchEnd::CameBackElsewhere, BranchEnd::MetBranch),
-        End::RanAway { cable, deformation } => {
-            BranchEnd::RanAway { cable: *cable, deformation: *deformation }
+        End::RanAway { cable, sigma } => {
+            BranchEnd::RanAway { cable: *cable, deformation: sigma.exp() }
         }
-        End::Stalled { deformation } => BranchEnd::Stalled { deformation: *deformation },
+        End::Stalled { sigma } => BranchEnd::Stalled { deformation: sigma.exp() },
     };
     Branch {
         origin: origin.slack,
         end,
-        folds: path.folds,
+        folds: path.folds.into_iter().map(Fold::from).collect(),
         steps: path.steps,
         largest_h: path.largest_h,
     }
@@ -289,18 +307,17 @@ fn start_deformation<M: CableModel<f64>>(problem: &Problem<M>, origin: &RigidSol
 
 /// A solution at a small deformation, from the rigid one by way of the simplified vertical model.
 fn start<'a, M: CableModel<f64>>(
-    problem: &'a Problem<M>,
+    deformation: &'a Deformation<'a, M>,
     origin: &RigidSolution,
-) -> Option<(System<'a, M>, Point)> {
-    let mut deformation = start_deformation(problem, origin);
+) -> Option<(System<'a, Deformation<'a, M>>, Point)> {
+    let problem = deformation.problem;
+    let mut s = start_deformation(problem, origin);
     for _ in 0..START_ATTEMPTS {
-        let weights =
-            std::array::from_fn(|i| problem.model(i).at_deformation(deformation).weight_n_m());
-        let mut system = System::new(problem);
-        system.vertical = std::array::from_fn(|i| origin.slack.contains(i));
-        let rigid =
-            Point { states: origin.states(&problem.balance, &weights), sigma: deformation.ln() };
-        if let Some(mut point) = converge(&system, &rigid, DEFORMATION)
+        let weights = std::array::from_fn(|i| problem.model(i).at_deformation(s).weight_n_m());
+        let vertical = std::array::from_fn(|i| origin.slack.contains(i));
+        let mut system = System { homotopy: deformation, vertical };
+        let rigid = Point { states: origin.states(&problem.balance, &weights), sigma: s.ln() };
+        if let Some(mut point) = converge(&system, &rigid, SIGMA)
             && departure(problem, origin, &point) < IDENTIFIED
         {
             restore_full_model(&mut system, &mut point);
@@ -310,7 +327,7 @@ fn start<'a, M: CableModel<f64>>(
                 return Some((system, point));
             }
         }
-        deformation *= START_SHRINK;
+        s *= START_SHRINK;
     }
     None
 }
@@ -321,9 +338,8 @@ fn departure<M: CableModel<f64>>(
     origin: &RigidSolution,
     point: &Point,
 ) -> f64 {
-    let deformation = point.deformation();
-    let weights =
-        std::array::from_fn(|i| problem.model(i).at_deformation(deformation).weight_n_m());
+    let s = point.sigma.exp();
+    let weights = std::array::from_fn(|i| problem.model(i).at_deformation(s).weight_n_m());
     let rigid = origin.states(&problem.balance, &weights);
     let change = |i: usize| {
         let force = (point.states[i].force_n - rigid[i].force_n).norm() / origin.forces_n[i];
@@ -342,12 +358,13 @@ fn identify<M: CableModel<f64>>(
 
 /// A path that reached full deformation: the solution, held against the limits.
 fn arrival<M: CableModel<f64>>(
-    problem: &Problem<M>,
+    deformation: &Deformation<'_, M>,
     origin: SlackSet,
     point: &Point,
     path: &Path,
 ) -> BranchEnd {
-    let system = System { problem, vertical: path.vertical };
+    let problem = deformation.problem;
+    let system = System { homotopy: deformation, vertical: path.vertical };
     let elimination =
         system.linearise(point).and_then(|linear| Elimination::new(&linear.tangent_matrix()));
     let Some(elimination) = elimination else {

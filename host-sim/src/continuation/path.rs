@@ -1,13 +1,14 @@
-//! Following a solution along the deformation, through folds, until it arrives or ends.
+//! Following a solution along `sigma`, through folds, until it leaves the range or ends.
 
-use cdpr_core::{CABLES, CableModel, CableState};
+use cdpr_core::{CABLES, CableModel};
 
+use super::homotopy::Homotopy;
 use super::step::{Kantorovich, converge, kantorovich};
-use super::system::{COORDINATES, Coordinates, DEFORMATION, Point, System};
+use super::system::{COORDINATES, Coordinates, Point, SIGMA, System};
 
 /// First step, in scaled coordinates (`sigma` is one of them).
 const FIRST_STEP: f64 = 0.1;
-/// Longest step: one e-fold of the deformation.
+/// Longest step: one e-fold of the parameter.
 const LONGEST_STEP: f64 = 1.0;
 /// A path that needs a shorter step than this has met a singular point.
 const SHORTEST_STEP: f64 = 1e-10;
@@ -15,7 +16,7 @@ const SHORTEST_STEP: f64 = 1e-10;
 const EASY: f64 = 0.08;
 /// `sigma` leads as long as it has this part of the unit tangent, else the largest force does.
 const LEADING: f64 = 0.2;
-/// Around a fold, how far the change of the deformation over a step may be from that of a parabola,
+/// Around a fold, how far the change of `sigma` over a step may be from that of a parabola,
 /// relative to its rate at the ends; steps shorter than [`SHORT_ARC`] are not asked.
 const MAX_BEND: f64 = 0.1;
 const SHORT_ARC: f64 = 1e-3;
@@ -27,8 +28,8 @@ const MAX_FOLDS: usize = 64;
 const FOLD_STEPS: usize = 60;
 /// Bound on the steps that bracket a fold, each a quarter longer than the last.
 const BRACKET_STEPS: usize = 20;
-/// A fold is found when the tangent turns within this part of its unit length: the error of the
-/// deformation there is of its square.
+/// A fold is found when the tangent turns within this part of its unit length: the error of
+/// `sigma` there is of its square.
 const FOLD_TOLERANCE: f64 = 1e-8;
 /// A path has run away when a tension is this many times what there is to carry, the load and the
 /// weight of the longest taut cable. No path of the reference cases comes near.
@@ -36,33 +37,25 @@ const RUN_AWAY: f64 = 1e6;
 /// The simplified model takes over where the horizontal force is this part of the whole.
 const NEARLY_VERTICAL: f64 = 1e-7;
 
-/// Where two branches meet and end: the deformation turns around.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Fold {
-    /// Deformation `s` at the fold.
-    pub deformation: f64,
-    /// Forces and rest lengths there.
-    pub states: [CableState<f64>; CABLES],
-}
-
 /// How a path ended.
 #[derive(Clone, Debug)]
 pub(super) enum End {
-    /// At the upper end of the deformation.
+    /// At the upper end of the range.
     Top(Point),
-    /// At the lower end of the deformation.
+    /// At the lower end of the range.
     Bottom(Point),
     /// The tension of a cable grew without bound.
-    RanAway { cable: usize, deformation: f64 },
+    RanAway { cable: usize, sigma: f64 },
     /// The steps became too short: a singular point that is no fold.
-    Stalled { deformation: f64 },
+    Stalled { sigma: f64 },
 }
 
 /// A path from one point, in one direction.
 #[derive(Clone, Debug)]
 pub(super) struct Path {
     pub(super) end: End,
-    pub(super) folds: Vec<Fold>,
+    /// Where `sigma` turned around, in the order met.
+    pub(super) folds: Vec<Point>,
     /// Cables that the simplified model still stands for at the end.
     pub(super) vertical: [bool; CABLES],
     pub(super) steps: usize,
@@ -82,28 +75,28 @@ impl Path {
 
 /// Follows the solution `start` until `sigma` leaves `bottom..=top`, first upwards or downwards.
 /// `caution` divides the longest step: 1 is the ordinary run.
-pub(super) fn follow<M: CableModel<f64>>(
-    mut system: System<'_, M>,
+pub(super) fn follow<H: Homotopy>(
+    mut system: System<'_, H>,
     start: Point,
     (bottom, top): (f64, f64),
     upwards: bool,
     caution: f64,
 ) -> Path {
     let mut along = [0.0; COORDINATES];
-    along[DEFORMATION] = if upwards { 1.0 } else { -1.0 };
+    along[SIGMA] = if upwards { 1.0 } else { -1.0 };
     let mut here = start;
     let mut length = FIRST_STEP / caution;
     let mut path = Path {
-        end: End::Stalled { deformation: here.deformation() },
+        end: End::Stalled { sigma: here.sigma },
         folds: Vec::new(),
         vertical: system.vertical,
         steps: 0,
         largest_h: 0.0,
     };
     while path.steps < MAX_STEPS && path.folds.len() <= MAX_FOLDS {
-        path.end = End::Stalled { deformation: here.deformation() };
+        path.end = End::Stalled { sigma: here.sigma };
         path.vertical = system.vertical;
-        if let Some(away) = run_away(&system, &here) {
+        if let Some(away) = run_away(&system, &here, top) {
             path.end = away;
             return path;
         }
@@ -116,7 +109,7 @@ pub(super) fn follow<M: CableModel<f64>>(
                         if point.sigma >= top { End::Top(point) } else { End::Bottom(point) };
                     return path;
                 }
-                if path.steps > 1 && tangent[DEFORMATION] * along[DEFORMATION] < 0.0 {
+                if path.steps > 1 && tangent[SIGMA] * along[SIGMA] < 0.0 {
                     path.folds.push(locate_fold(&system, &here, &along, &point, &tangent));
                 }
                 (here, along) = (point, tangent);
@@ -144,8 +137,8 @@ struct Advance {
 }
 
 /// One step of `length` from `here` roughly along `along`; `None` when a test refuses it.
-fn advance<M: CableModel<f64>>(
-    system: &System<'_, M>,
+fn advance<H: Homotopy>(
+    system: &System<'_, H>,
     here: &Point,
     along: &Coordinates,
     length: f64,
@@ -154,13 +147,13 @@ fn advance<M: CableModel<f64>>(
     let linear = system.linearise(here)?;
     let tangent = linear.tangent(leading(along), along)?;
     let mut held = leading(&tangent);
-    let rate = tangent[DEFORMATION];
+    let rate = tangent[SIGMA];
     let mut length = length;
     let bound = if rate > 0.0 { top } else { bottom };
     let landed = (here.sigma + rate * length - bound) * rate >= 0.0;
     if landed {
         length = (bound - here.sigma) / rate;
-        held = DEFORMATION;
+        held = SIGMA;
     }
     let mut start = linear.advance(here, &tangent.map(|t| t * length), false);
     if landed {
@@ -180,11 +173,11 @@ fn advance<M: CableModel<f64>>(
     }
     let after = system.linearise(&point)?.tangent(held, &tangent);
     if let Some(after) = &after
-        && held != DEFORMATION
+        && held != SIGMA
         && length > SHORT_ARC
     {
         // A pair of folds within the step would leave the signs at its ends as they are.
-        let rates = (rate, after[DEFORMATION]);
+        let rates = (rate, after[SIGMA]);
         let off = (point.sigma - here.sigma - 0.5 * (rates.0 + rates.1) * length).abs();
         if off > MAX_BEND * length * rates.0.abs().max(rates.1.abs()) {
             return None;
@@ -196,8 +189,8 @@ fn advance<M: CableModel<f64>>(
 
 /// The coordinate to hold: `sigma` unless the path has nearly turned around.
 fn leading(tangent: &Coordinates) -> usize {
-    if tangent[DEFORMATION].abs() >= LEADING {
-        return DEFORMATION;
+    if tangent[SIGMA].abs() >= LEADING {
+        return SIGMA;
     }
     largest_force(tangent)
 }
@@ -209,19 +202,19 @@ fn largest_force(tangent: &Coordinates) -> usize {
 
 /// The fold between two points of a path whose tangents point to either side of it.
 ///
-/// Along the leading force `c` the deformation has a maximum or minimum there, so the `sigma`
+/// Along the leading force `c` the parameter has a maximum or minimum there, so the `sigma`
 /// component of the tangent changes its sign; the secant through the ends, kept in the bracket by
 /// the Illinois rule, finds where. If Newton fails on the way the best point so far is the answer.
-fn locate_fold<M: CableModel<f64>>(
-    system: &System<'_, M>,
+fn locate_fold<H: Homotopy>(
+    system: &System<'_, H>,
     before: &Point,
     along_before: &Coordinates,
     after: &Point,
     along_after: &Coordinates,
-) -> Fold {
-    let mut best = (along_after[DEFORMATION].abs(), after.clone());
-    if along_before[DEFORMATION].abs() < best.0 {
-        best = (along_before[DEFORMATION].abs(), before.clone());
+) -> Point {
+    let mut best = (along_after[SIGMA].abs(), after.clone());
+    if along_before[SIGMA].abs() < best.0 {
+        best = (along_before[SIGMA].abs(), before.clone());
     }
     let mut find = || -> Option<()> {
         let linear = system.linearise(before)?;
@@ -231,11 +224,11 @@ fn locate_fold<M: CableModel<f64>>(
         let curve = &linear.curves[held].curve;
         let moved = (after.states[held].force_n - before.states[held].force_n).dot(&curve.tangent);
         let whole = moved / linear.scales[held] / tangent[held];
-        let mut low = (0.0, tangent[DEFORMATION]);
+        let mut low = (0.0, tangent[SIGMA]);
         let turn_at = |length: f64| -> Option<(f64, Point)> {
             let start = linear.advance(before, &tangent.map(|t| t * length), false);
             let point = converge(system, &start, held)?;
-            let turn = system.linearise(&point)?.tangent(held, &tangent)?[DEFORMATION];
+            let turn = system.linearise(&point)?.tangent(held, &tangent)?[SIGMA];
             Some((turn, point))
         };
         // Curves bend: `whole` along the tangent need not reach `after`.
@@ -267,29 +260,30 @@ fn locate_fold<M: CableModel<f64>>(
         Some(())
     };
     find();
-    Fold { deformation: best.1.deformation(), states: best.1.states }
+    best.1
 }
 
-/// Whether a tension has grown so far beyond all weights that it will not come back.
-fn run_away<M: CableModel<f64>>(system: &System<'_, M>, here: &Point) -> Option<End> {
-    let balance = &system.problem.balance;
+/// Whether a tension has grown so far beyond all weights, as they are at the `top` of the range, that
+/// it will not come back.
+fn run_away<H: Homotopy>(system: &System<'_, H>, here: &Point, top: f64) -> Option<End> {
+    let homotopy = system.homotopy;
     let cable_n =
-        |i: usize| system.problem.model(i).weight_n_m() * balance.planes()[i].distance_m();
-    let load_n = (0..CABLES).map(cable_n).fold(balance.wrench_n().amax(), f64::max);
+        |i: usize| homotopy.model(i, top).weight_n_m() * homotopy.planes()[i].distance_m();
+    let load_n = (0..CABLES).map(cable_n).fold(homotopy.wrench_n(top).amax(), f64::max);
     let bound_n = RUN_AWAY * load_n;
     let cable = here.states.iter().position(|state| state.force_n.norm() > bound_n)?;
-    Some(End::RanAway { cable, deformation: here.deformation() })
+    Some(End::RanAway { cable, sigma: here.sigma })
 }
 
 /// Puts the full model back where the simplified one stands, one cable at a time, whenever Newton
 /// provably takes the state over.
-pub(super) fn restore_full_model<M: CableModel<f64>>(system: &mut System<'_, M>, here: &mut Point) {
+pub(super) fn restore_full_model<H: Homotopy>(system: &mut System<'_, H>, here: &mut Point) {
     for cable in 0..CABLES {
-        let plane = &system.problem.balance.planes()[cable];
+        let plane = &system.homotopy.planes()[cable];
         if !system.vertical[cable] || plane.x_m <= 0.0 {
             continue;
         }
-        let model = system.problem.model(cable).at_deformation(here.deformation());
+        let model = system.homotopy.model(cable, here.sigma);
         let Ok(line) =
             model.force_at_length(plane.x_m, plane.z_m, here.states[cable].rest_length_m)
         else {
@@ -300,8 +294,8 @@ pub(super) fn restore_full_model<M: CableModel<f64>>(system: &mut System<'_, M>,
         let mut start = here.clone();
         start.states[cable].force_n = line.force_n;
         let restored = full.linearise(&start).and_then(|linear| {
-            let accepted = kantorovich(&full, &linear, &start, &start, DEFORMATION)?.holds();
-            if accepted { converge(&full, &start, DEFORMATION) } else { None }
+            let accepted = kantorovich(&full, &linear, &start, &start, SIGMA)?.holds();
+            if accepted { converge(&full, &start, SIGMA) } else { None }
         });
         if let Some(point) = restored {
             *system = full;
@@ -311,7 +305,7 @@ pub(super) fn restore_full_model<M: CableModel<f64>>(system: &mut System<'_, M>,
 }
 
 /// Replaces the model of slack cables next to `Fx = 0` by the simplified one; whether any was.
-fn simplify<M: CableModel<f64>>(system: &mut System<'_, M>, here: &mut Point) -> bool {
+fn simplify<H: Homotopy>(system: &mut System<'_, H>, here: &mut Point) -> bool {
     let mut simple = system.clone();
     let mut start = here.clone();
     for (cable, state) in start.states.iter_mut().enumerate() {
@@ -325,7 +319,7 @@ fn simplify<M: CableModel<f64>>(system: &mut System<'_, M>, here: &mut Point) ->
     if simple.vertical == system.vertical {
         return false;
     }
-    let Some(point) = converge(&simple, &start, DEFORMATION) else { return false };
+    let Some(point) = converge(&simple, &start, SIGMA) else { return false };
     *system = simple;
     *here = point;
     true

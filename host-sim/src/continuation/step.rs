@@ -1,9 +1,10 @@
 //! One tested step along a path.
 
-use cdpr_core::{CABLES, CableModel, CableState};
+use cdpr_core::{CABLES, CableState};
 use nalgebra::Vector6;
 
-use super::system::{Coordinates, DEFORMATION, Linearised, Point, System};
+use super::homotopy::Homotopy;
+use super::system::{Coordinates, Linearised, Point, SIGMA, System};
 
 /// Largest contraction accepted: the derivative may change by this part over the tested box. One
 /// half would do (then `eta <= (1 - k) r` for `r = 2 eta`); the rest covers what lies between the
@@ -44,9 +45,9 @@ pub(super) struct Kantorovich {
 /// the curve at the corners of its own box, and at `from` for the way between. The curve turns
 /// monotonically but for one inflection with an overshoot below 0.025 rad, so the corners see what
 /// the box holds up to that; this is a test with a margin, not yet a proof in interval arithmetic.
-pub(super) fn kantorovich<M: CableModel<f64>>(
-    system: &System<'_, M>,
-    linear: &Linearised<'_, M>,
+pub(super) fn kantorovich<H: Homotopy>(
+    system: &System<'_, H>,
+    linear: &Linearised<'_, H>,
     start: &Point,
     from: &Point,
     held: usize,
@@ -70,12 +71,12 @@ pub(super) fn kantorovich<M: CableModel<f64>>(
         see(&from.states[i], from.sigma)?;
         // A held coordinate does not move within the box.
         let forces: &[f64] = if held == i { &[0.0] } else { &[-radius, radius] };
-        let sigmas: &[f64] = if held == DEFORMATION { &[0.0] } else { &[-radius, radius] };
+        let sigmas: &[f64] = if held == SIGMA { &[0.0] } else { &[-radius, radius] };
         for &force in forces {
             for &sigma in sigmas {
                 let mut step = [0.0; CABLES + 1];
                 step[i] = force;
-                step[DEFORMATION] = sigma;
+                step[SIGMA] = sigma;
                 let corner = linear.advance(start, &step, true);
                 let mut state = corner.states[i];
                 // Back to the curve, so that the sample is a point of it.
@@ -88,9 +89,14 @@ pub(super) fn kantorovich<M: CableModel<f64>>(
         if held != i {
             row_sums += largest[0];
         }
-        if held != DEFORMATION {
+        if held != SIGMA {
             row_sums += largest[1];
         }
+    }
+    if held != SIGMA {
+        let sigmas = [from.sigma, start.sigma - radius, start.sigma + radius];
+        let load = sigmas.map(|sigma| linear.load_difference(sigma, &elimination));
+        row_sums += load[0].sup(&load[1]).sup(&load[2]);
     }
     let contraction = row_sums.max();
     let h = eta * contraction / radius;
@@ -105,9 +111,9 @@ impl Kantorovich {
 
     /// Whether `solution` lies in the ball around `start` that was tested. It does unless the corners
     /// of the ball missed a bend of a curve.
-    pub(super) fn reaches<M>(
+    pub(super) fn reaches<H>(
         &self,
-        linear: &Linearised<'_, M>,
+        linear: &Linearised<'_, H>,
         start: &Point,
         solution: &Point,
     ) -> bool {
@@ -118,8 +124,8 @@ impl Kantorovich {
 }
 
 /// Newton with coordinate `held` fixed, to convergence.
-pub(super) fn converge<M: CableModel<f64>>(
-    system: &System<'_, M>,
+pub(super) fn converge<H: Homotopy>(
+    system: &System<'_, H>,
     start: &Point,
     held: usize,
 ) -> Option<Point> {
@@ -139,11 +145,7 @@ pub(super) fn converge<M: CableModel<f64>>(
 }
 
 /// Largest scaled change of a coordinate, or relative change on the way back to a curve.
-fn size_of_step<M: CableModel<f64>>(
-    linear: &Linearised<'_, M>,
-    point: &Point,
-    step: &Coordinates,
-) -> f64 {
+fn size_of_step<H: Homotopy>(linear: &Linearised<'_, H>, point: &Point, step: &Coordinates) -> f64 {
     let along = step.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
     let back = linear.curves.iter().zip(&point.states).zip(&linear.scales).map(
         |((moving, state), scale)| {

@@ -1,26 +1,27 @@
-//! The equations along a deformation path, in force-curve coordinates.
+//! The equations along a path, in force-curve coordinates.
 //!
 //! A [`Point`] has seven coordinates: the position `p_i` of each cable on its force curve and
-//! `sigma = ln s`, the logarithm of the deformation. Near it the six equations of equilibrium are
+//! `sigma`, the logarithm of the parameter of a [`Homotopy`]. Near it the six equations of equilibrium
+//! are
 //!
 //! ```text
-//! sum_i G_i t_i dp_i + (sum_i G_i v_i) d sigma = -(wrench + sum_i G_i (F_i + c_i))
+//! sum_i G_i t_i dp_i + (u + sum_i G_i v_i) d sigma = -(wrench + sum_i G_i (F_i + c_i))
 //! ```
 //!
-//! with `t_i` the unit tangent, `c_i` the way back to the curve and `v_i` the shift of the curve with
-//! `sigma`. Holding any one of the seven coordinates leaves a 6x6 system: `sigma` on ordinary
+//! with `t_i` the unit tangent, `c_i` the way back to the curve, and `v_i` and `u` the shifts of the
+//! curve and of the wrench with `sigma`. Holding any one of the seven coordinates leaves a 6x6 system: `sigma` on ordinary
 //! stretches of a path (the paper's scheme), the force that turns fastest around a fold.
 
 use cdpr_core::elimination::Elimination;
 use cdpr_core::{CABLES, CableModel, CableState, CurvePoint, EndPoint};
 use nalgebra::{Matrix6, Vector2, Vector6};
 
-use crate::problem::Problem;
+use super::homotopy::Homotopy;
 
-/// Number of coordinates of a path: six forces and the deformation.
+/// Number of coordinates of a path: six forces and `sigma`.
 pub(super) const COORDINATES: usize = CABLES + 1;
 /// Index of `sigma` among them.
-pub(super) const DEFORMATION: usize = CABLES;
+pub(super) const SIGMA: usize = CABLES;
 
 /// Values of all coordinates, or a direction in them, each force divided by its scale.
 pub(super) type Coordinates = [f64; COORDINATES];
@@ -39,14 +40,8 @@ const VERTICAL_OPENING: f64 = 1e-9;
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     pub(super) states: [CableState<f64>; CABLES],
-    /// `ln s`.
+    /// Logarithm of the parameter.
     pub(super) sigma: f64,
-}
-
-impl Point {
-    pub(super) fn deformation(&self) -> f64 {
-        self.sigma.exp()
-    }
 }
 
 /// The force curve of one cable at a point, and how it shifts with `sigma`.
@@ -58,20 +53,22 @@ pub(super) struct MovingCurve {
 }
 
 /// The equations of one pose, with the model of each cable either full or simplified.
-#[derive(Clone)]
-pub(super) struct System<'a, M> {
-    pub(super) problem: &'a Problem<M>,
+pub(super) struct System<'a, H> {
+    pub(super) homotopy: &'a H,
     /// Cables treated by the simplified model: `Fx = 0`, the equation for `X` left out.
     pub(super) vertical: [bool; CABLES],
 }
 
-impl<'a, M: CableModel<f64>> System<'a, M> {
-    pub(super) fn new(problem: &'a Problem<M>) -> Self {
-        Self { problem, vertical: [false; CABLES] }
+// Derived, it would ask for `H: Clone`.
+impl<H> Clone for System<'_, H> {
+    fn clone(&self) -> Self {
+        Self { ..*self }
     }
+}
 
+impl<H: Homotopy> System<'_, H> {
     fn end_point(&self, cable: usize, state: &CableState<f64>, sigma: f64) -> EndPoint<f64> {
-        let model = self.problem.model(cable).at_deformation(sigma.exp());
+        let model = self.homotopy.model(cable, sigma);
         if !self.vertical[cable] {
             return model.end_point(state.force_n, state.rest_length_m);
         }
@@ -80,7 +77,7 @@ impl<'a, M: CableModel<f64>> System<'a, M> {
         let mut end = model.end_point(opened, state.rest_length_m);
         // Fx = 0 in place of X = x, scaled to metres.
         let per_force = state.rest_length_m / state.force_n.y.abs();
-        end.position_m.x = self.problem.balance.planes()[cable].x_m + state.force_n.x * per_force;
+        end.position_m.x = self.homotopy.planes()[cable].x_m + state.force_n.x * per_force;
         end.jacobian.m11 = per_force;
         end.jacobian.m12 = 0.0;
         end.jacobian.m13 = 0.0;
@@ -95,7 +92,7 @@ impl<'a, M: CableModel<f64>> System<'a, M> {
         state: &CableState<f64>,
         sigma: f64,
     ) -> Option<MovingCurve> {
-        let plane = &self.problem.balance.planes()[cable];
+        let plane = &self.homotopy.planes()[cable];
         let end = self.end_point(cable, state, sigma);
         let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state);
         let ahead = self.end_point(cable, state, sigma + SIGMA_STEP).position_m;
@@ -110,49 +107,52 @@ impl<'a, M: CableModel<f64>> System<'a, M> {
     }
 
     /// All equations, linearised at `point`; `None` when a cable is singular there.
-    pub(super) fn linearise(&self, point: &Point) -> Option<Linearised<'_, M>> {
-        let balance = &self.problem.balance;
-        let load = balance.wrench_n().amax();
+    pub(super) fn linearise(&self, point: &Point) -> Option<Linearised<'_, H>> {
+        let planes = self.homotopy.planes();
+        let mut imbalance = self.homotopy.wrench_n(point.sigma);
+        let load = imbalance.amax();
         let mut curves = Vec::with_capacity(CABLES);
         let mut columns = [Vector6::zeros(); COORDINATES];
+        let load_shift_n = self.homotopy.wrench_slope_n(point.sigma);
+        columns[SIGMA] = load_shift_n;
         let mut scales = [1.0; COORDINATES];
-        let mut imbalance = *balance.wrench_n();
         for (i, state) in point.states.iter().enumerate() {
             let moving = self.curve(i, state, point.sigma)?;
             scales[i] = state.force_n.norm() + LEAST_FORCE * load;
-            columns[i] = balance.planes()[i].wrench_n(&moving.curve.tangent) * scales[i];
-            columns[DEFORMATION] += balance.planes()[i].wrench_n(&moving.shift_n);
-            imbalance += balance.planes()[i].wrench_n(&(state.force_n + moving.curve.correction_n));
+            columns[i] = planes[i].wrench_n(&moving.curve.tangent) * scales[i];
+            columns[SIGMA] += planes[i].wrench_n(&moving.shift_n);
+            imbalance += planes[i].wrench_n(&(state.force_n + moving.curve.correction_n));
             curves.push(moving);
         }
-        Some(Linearised { system: self, curves, columns, scales, imbalance })
+        Some(Linearised { system: self, curves, load_shift_n, columns, scales, imbalance })
     }
 }
 
 /// The equations linearised at a point, in scaled coordinates.
-pub(super) struct Linearised<'a, M> {
-    system: &'a System<'a, M>,
+pub(super) struct Linearised<'a, H> {
+    system: &'a System<'a, H>,
     pub(super) curves: Vec<MovingCurve>,
+    load_shift_n: Vector6<f64>,
     columns: [Vector6<f64>; COORDINATES],
     pub(super) scales: Coordinates,
     imbalance: Vector6<f64>,
 }
 
-impl<M: CableModel<f64>> Linearised<'_, M> {
+impl<H: Homotopy> Linearised<'_, H> {
     /// The 6x6 matrix when coordinate `held` is held: its column gives way to that of `sigma`.
     fn matrix(&self, held: usize) -> Matrix6<f64> {
         let mut columns: [Vector6<f64>; CABLES] = std::array::from_fn(|i| self.columns[i]);
         if held < CABLES {
-            columns[held] = self.columns[DEFORMATION];
+            columns[held] = self.columns[SIGMA];
         }
         Matrix6::from_columns(&columns)
     }
 
     /// The matrix of unit tangents, whose determinant and condition are those of the solution.
     pub(super) fn tangent_matrix(&self) -> Matrix6<f64> {
-        let balance = &self.system.problem.balance;
+        let planes = self.system.homotopy.planes();
         let columns: [Vector6<f64>; CABLES] =
-            std::array::from_fn(|i| balance.planes()[i].wrench_n(&self.curves[i].curve.tangent));
+            std::array::from_fn(|i| planes[i].wrench_n(&self.curves[i].curve.tangent));
         Matrix6::from_columns(&columns)
     }
 
@@ -165,7 +165,7 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
         let mut step = [0.0; COORDINATES];
         step[..CABLES].copy_from_slice(solution.as_slice());
         if held < CABLES {
-            step[DEFORMATION] = step[held];
+            step[SIGMA] = step[held];
             step[held] = 0.0;
         }
         step
@@ -192,8 +192,7 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
         let share = if back_to_curve { 1.0 } else { 0.0 };
         let states = std::array::from_fn(|i| {
             let (moving, state) = (&self.curves[i], &point.states[i]);
-            let (curve, along, shift) =
-                (&moving.curve, step[i] * self.scales[i], step[DEFORMATION]);
+            let (curve, along, shift) = (&moving.curve, step[i] * self.scales[i], step[SIGMA]);
             let length_change = curve.length_per_force_m_n * along
                 + moving.length_shift_m * shift
                 + curve.length_correction_m * share;
@@ -205,7 +204,7 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
                 rest_length_m: state.rest_length_m * (length_change / state.rest_length_m).exp(),
             }
         });
-        Point { states, sigma: point.sigma + step[DEFORMATION] }
+        Point { states, sigma: point.sigma + step[SIGMA] }
     }
 
     /// How the columns of `cable` at another point of its curve differ from those here, as seen
@@ -218,11 +217,20 @@ impl<M: CableModel<f64>> Linearised<'_, M> {
     ) -> [Vector6<f64>; 2] {
         let here = &self.curves[cable];
         let seen = |change: Vector2<f64>| {
-            elimination.solve(&self.system.problem.balance.planes()[cable].wrench_n(&change)).abs()
+            elimination.solve(&self.system.homotopy.planes()[cable].wrench_n(&change)).abs()
         };
         [
             seen((other.curve.tangent - here.curve.tangent) * self.scales[cable]),
             seen(other.shift_n - here.shift_n),
         ]
+    }
+    /// How the shift of the wrench at another `sigma` differs from that here, seen in the same way.
+    pub(super) fn load_difference(
+        &self,
+        sigma: f64,
+        elimination: &Elimination<f64>,
+    ) -> Vector6<f64> {
+        let change = self.system.homotopy.wrench_slope_n(sigma) - self.load_shift_n;
+        if change.amax() > 0.0 { elimination.solve(&change).abs() } else { change }
     }
 }
