@@ -139,7 +139,7 @@ mod step {
 /// All solutions of one pose by continuation.
 mod enumerate {
     use cdpr_host_sim::cases::Overrides;
-    use cdpr_host_sim::enumerate::{ModelKind, Request};
+    use cdpr_host_sim::enumerate::{ModelKind, Options, Request};
     use cdpr_host_sim::robot_file::RobotDescription;
     use divan::{Bencher, black_box};
 
@@ -157,7 +157,8 @@ mod enumerate {
             rotation_vector_rad: [0.0; 3],
             model: ModelKind::Irvine,
         };
-        let count = || black_box(&request).enumerate(false).map(|found| found.solutions.len());
+        let count =
+            || black_box(&request).enumerate(Options::default()).map(|found| found.solutions.len());
         assert_eq!(count(), Ok(5));
         bencher.bench_local(count);
     }

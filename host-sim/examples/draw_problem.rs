@@ -10,7 +10,7 @@ use std::error::Error;
 
 use cdpr_core::{CableModel, CablePlane, CableState, IrvineCatenary};
 use cdpr_host_sim::continuation::Solution;
-use cdpr_host_sim::enumerate::{ModelKind, Request};
+use cdpr_host_sim::enumerate::{ModelKind, Options, Request};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::robot_file::{CableMaterial, RobotDescription};
 use nalgebra::{Vector2, Vector3};
@@ -59,7 +59,7 @@ fn main() -> Outcome {
         model: ModelKind::Irvine,
     };
     let problem = request.problem::<Model>()?;
-    let enumeration = request.enumerate(false)?;
+    let enumeration = request.enumerate(Options::default())?;
     let solution = &enumeration.solutions.first().ok_or("the pose has no solution")?.solution;
     let svg = picture(&problem, solution)?;
     std::fs::write(&path, svg).map_err(|fault| format!("{path}: {fault}"))?;

@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
 
 use crate::cases::{self, CasesError, Overrides};
-use crate::enumerate::{ModelKind, Request};
+use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
 use crate::output;
 use crate::robot_file::{RobotDescription, RobotFileError};
@@ -77,7 +77,7 @@ struct Enumerate {
     #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
     model: ModelKind,
     /// How to search
-    #[arg(long, value_enum, default_value_t = Method::Continuation)]
+    #[arg(long, value_enum, default_value_t = Method::Both)]
     method: Method,
     /// Follow every solution back to non-deformable cables as well (the inverse scheme)
     #[arg(long)]
@@ -87,12 +87,6 @@ struct Enumerate {
     format: Format,
     #[arg(long, help = THREADS_HELP, value_name = "N")]
     threads: Option<NonZeroU16>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Method {
-    /// From every solution with non-deformable cables (Merlet's direct scheme)
-    Continuation,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -147,7 +141,6 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
         Some(Command::Enumerate(options)) => options,
         None => cli.enumerate,
     };
-    let Method::Continuation = options.method;
     let requests = options.requests()?;
     let threads = in_order::threads(options.threads.map(|n| n.get().into()))?;
     let progress = progress_bar(requests.len());
@@ -186,11 +179,16 @@ fn progress_bar(poses: usize) -> ProgressBar {
 impl Enumerate {
     /// The answer to one request as it is written.
     fn answer(&self, request: &Request) -> Result<Vec<u8>, CliError> {
-        let answer = request.enumerate(self.retrace)?;
+        let json = self.format == Format::Json;
+        let answer = request.enumerate(enumerate::Options {
+            method: self.method,
+            retrace: self.retrace,
+            kantorovich: json,
+        })?;
         let mut text = match self.format {
             Format::Text => output::text(request, &answer).into_bytes(),
             Format::Json => {
-                let document = output::json(request, &answer);
+                let document = output::json(request, self.method, &answer);
                 let write = if self.cases.is_some() {
                     serde_json::to_vec
                 } else {

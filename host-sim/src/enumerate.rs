@@ -1,4 +1,7 @@
-//! The answer for one pose: all rigid solutions and what becomes of each.
+//! The answer for one pose: all rigid solutions and what becomes of each, and the complete search.
+
+use std::cmp::Ordering;
+use std::fmt;
 
 use cdpr_core::elimination::Elimination;
 use cdpr_core::{
@@ -7,10 +10,15 @@ use cdpr_core::{
 };
 use nalgebra::{Matrix6, UnitQuaternion, Vector2, Vector3};
 
+use crate::complete::{Kantorovich, Place, Provable, Refusal, complete, kantorovich};
 use crate::continuation::{self, Branch, BranchEnd, Solution};
 use crate::problem::{FromMaterial, Problem};
 use crate::rigid::{RigidSolution, RigidSolutions, SlackSet};
 use crate::robot_file::RobotDescription;
+
+/// How far beside an exactly vertical cable the search looks, relative to the coordinates of the pose:
+/// about their rounding.
+const BESIDE: f64 = 1e-13;
 
 /// Which cable model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
@@ -39,15 +47,51 @@ pub struct Request {
     pub model: ModelKind,
 }
 
+/// How to search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// All solutions within the limits, with a proof that there are no others.
+    Complete,
+    /// From every solution with non-deformable cables (Merlet's direct scheme).
+    Continuation,
+    /// Both, held against each other.
+    #[default]
+    Both,
+}
+
+impl Method {
+    fn continues(self) -> bool {
+        self != Self::Complete
+    }
+
+    fn searches(self) -> bool {
+        self != Self::Continuation
+    }
+}
+
 /// A solution with what people want to see of it.
 #[derive(Clone, Debug)]
 pub struct FoundSolution {
     /// The solution.
     pub solution: Solution,
+    /// The rigid solution from which the direct scheme reaches it, if it does.
+    pub origin: Option<SlackSet>,
     /// Largest height of the chord above the cable, m; of its upper end for a vertical cable.
     pub sags_m: [f64; CABLES],
-    /// Where the inverse scheme leads, if it was asked for.
+    /// Where the inverse scheme leads, if it was asked for or the direct scheme does not reach it.
     pub retraced: Option<Retraced>,
+    /// Present when it is proven to exist.
+    pub proof: Option<ProofReport>,
+}
+
+/// A proof in numbers.
+#[derive(Clone, Debug)]
+pub struct ProofReport {
+    /// How far each true rest length can be from the one given, m.
+    pub length_radii_m: [f64; CABLES],
+    /// The Kantorovich numbers, if they were asked for and could be bounded.
+    pub kantorovich: Option<Kantorovich>,
 }
 
 /// Where the inverse scheme leads.
@@ -60,24 +104,129 @@ pub enum Retraced {
     Nowhere,
 }
 
+/// What the complete search has to say.
+#[derive(Clone, Debug)]
+pub struct SearchReport {
+    /// Why there was no search.
+    pub refusal: Option<String>,
+    /// Where it could not be decided whether there is a solution.
+    pub undecided: Vec<Place>,
+    /// Boxes examined.
+    pub boxes: usize,
+    /// Pieces of force curve enclosed.
+    pub pieces: usize,
+}
+
+impl SearchReport {
+    /// Whether all solutions within the limits are known.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.refusal.is_none() && self.undecided.is_empty()
+    }
+}
+
+/// A difference between the complete search and continuation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Difference {
+    /// The solution with this number, counted from 1, is reached from no rigid one: the inverse scheme
+    /// ends elsewhere.
+    NoRigidOrigin {
+        /// Which solution.
+        number: usize,
+    },
+    /// The inverse scheme leads from this solution to a rigid one whose own branch ends elsewhere.
+    OnlyInverse {
+        /// Which solution, counted from 1.
+        number: usize,
+        /// The rigid solution.
+        origin: SlackSet,
+    },
+    /// The branch arrives where the search has proven that there is no solution, or has not decided.
+    Unconfirmed {
+        /// The branch.
+        origin: SlackSet,
+        /// Whether the search has decided.
+        contradicted: bool,
+    },
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoRigidOrigin { number } => {
+                write!(f, "solution {number} has no rigid origin: continuation does not reach it")
+            }
+            Self::OnlyInverse { number, origin } => write!(
+                f,
+                "solution {number} leads back to rigid slack set {origin}, whose branch does not \
+                 arrive there"
+            ),
+            Self::Unconfirmed { origin, contradicted: true } => {
+                write!(f, "branch {origin} arrives where there is provably no solution")
+            }
+            Self::Unconfirmed { origin, contradicted: false } => {
+                write!(f, "the solution of branch {origin} could not be proven")
+            }
+        }
+    }
+}
+
 /// Everything found for one pose.
 #[derive(Clone, Debug)]
 pub struct Enumeration {
     /// Rigid solutions.
     pub rigid: RigidSolutions,
-    /// Deformable solutions within the limits, in the order of their rigid origins.
+    /// Deformable solutions within the limits: those with a rigid origin in its order, then others.
     pub solutions: Vec<FoundSolution>,
-    /// What became of each rigid solution.
+    /// What became of each rigid solution; empty without continuation.
     pub branches: Vec<Branch>,
+    /// The complete search, if there was one.
+    pub search: Option<SearchReport>,
+    /// Where the two methods differ.
+    pub differences: Vec<Difference>,
 }
 
 impl Enumeration {
     /// Sum of the signs of the solutions. Equal to the degree of the rigid ones unless solutions lie
-    /// beyond the limits or have no rigid origin.
+    /// beyond the limits or are missing.
     #[must_use]
     pub fn degree(&self) -> i32 {
-        self.solutions.iter().map(|found| if found.solution.is_positive { 1 } else { -1 }).sum()
+        self.solutions.iter().map(|found| sign(found.solution.is_positive)).sum()
     }
+
+    /// The same over the branches that arrive within the limits.
+    #[must_use]
+    pub fn continuation_degree(&self) -> i32 {
+        let arrived = self.branches.iter().map(|branch| match &branch.end {
+            BranchEnd::Solution(solution) => sign(solution.is_positive),
+            _ => 0,
+        });
+        arrived.sum()
+    }
+
+    /// Whether the solutions are proven to be all within the limits.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        let contradicted =
+            |d: &Difference| matches!(d, Difference::Unconfirmed { contradicted: true, .. });
+        self.search.as_ref().is_some_and(SearchReport::is_complete)
+            && !self.differences.iter().any(contradicted)
+    }
+}
+
+fn sign(is_positive: bool) -> i32 {
+    if is_positive { 1 } else { -1 }
+}
+
+/// How a pose is enumerated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// How to search.
+    pub method: Method,
+    /// Follow every solution back by the inverse scheme.
+    pub retrace: bool,
+    /// Find the Kantorovich numbers of every proven solution, which takes about as long as the search.
+    pub kantorovich: bool,
 }
 
 impl Request {
@@ -89,17 +238,16 @@ impl Request {
         self.problem::<NonDeformable>().map(|_| ())
     }
 
-    /// Finds all rigid solutions and follows each by continuation; with `retrace`, follows each
-    /// deformable solution back as well.
+    /// Finds the solutions of a pose.
     ///
     /// # Errors
     /// As [`Request::check`].
-    pub fn enumerate(&self, retrace: bool) -> Result<Enumeration, GeometryFault> {
+    pub fn enumerate(&self, options: Options) -> Result<Enumeration, GeometryFault> {
         match self.model {
-            ModelKind::Irvine => self.continued::<IrvineCatenary<f64>>(retrace),
-            ModelKind::Parabolic => self.continued::<Parabola<f64>>(retrace),
-            ModelKind::Elastic => self.continued::<LinearElastic<f64>>(retrace),
-            ModelKind::Rigid => self.rigid(),
+            ModelKind::Irvine => self.deformable::<IrvineCatenary<f64>>(options),
+            ModelKind::Parabolic => self.deformable::<Parabola<f64>>(options),
+            ModelKind::Elastic => self.deformable::<LinearElastic<f64>>(options),
+            ModelKind::Rigid => self.rigid(options.method),
         }
     }
 
@@ -115,30 +263,144 @@ impl Request {
         Problem::new(robot, load, &pose, *limits)
     }
 
-    fn continued<M: FromMaterial>(&self, retrace: bool) -> Result<Enumeration, GeometryFault> {
+    fn deformable<M: FromMaterial + Provable>(
+        &self,
+        options: Options,
+    ) -> Result<Enumeration, GeometryFault> {
         let problem = self.problem::<M>()?;
         let rigid = RigidSolutions::of(&problem.balance);
-        let branches = continuation::direct(&problem, &rigid.solutions);
-        let solutions = branches
-            .iter()
-            .filter_map(|branch| match &branch.end {
-                BranchEnd::Solution(solution) => Some(solution),
-                _ => None,
-            })
-            .map(|solution| FoundSolution {
-                sags_m: std::array::from_fn(|i| sag_m(&problem, solution, i)),
-                retraced: retrace.then(|| {
-                    continuation::inverse(&problem, &rigid.solutions, solution)
-                        .map_or(Retraced::Nowhere, Retraced::Rigid)
-                }),
-                solution: solution.clone(),
-            })
-            .collect();
-        Ok(Enumeration { rigid, solutions, branches })
+        let mut answer = Enumeration {
+            branches: Vec::new(),
+            rigid,
+            solutions: Vec::new(),
+            search: None,
+            differences: Vec::new(),
+        };
+        if options.method.continues() {
+            answer.branches = continuation::direct(&problem, &answer.rigid.solutions);
+            for branch in &answer.branches {
+                if let BranchEnd::Solution(solution) = &branch.end {
+                    answer.solutions.push(FoundSolution {
+                        sags_m: std::array::from_fn(|i| sag_m(&problem, solution, i)),
+                        solution: solution.clone(),
+                        origin: Some(branch.origin),
+                        retraced: None,
+                        proof: None,
+                    });
+                }
+            }
+        }
+        if options.method.searches() {
+            self.search(&problem, &mut answer, options)?;
+        }
+        for found in &mut answer.solutions {
+            // With both methods, a solution that continuation does not reach is explained.
+            let unexplained = found.origin.is_none() && options.method.continues();
+            if options.retrace || unexplained {
+                let end = continuation::inverse(&problem, &answer.rigid.solutions, &found.solution);
+                found.retraced = Some(end.map_or(Retraced::Nowhere, Retraced::Rigid));
+            }
+        }
+        if options.method == Method::Both {
+            for (index, found) in answer.solutions.iter().enumerate() {
+                let number = index + 1;
+                answer.differences.extend(match (found.origin, found.retraced) {
+                    (None, Some(Retraced::Rigid(origin))) => {
+                        Some(Difference::OnlyInverse { number, origin })
+                    }
+                    (None, _) => Some(Difference::NoRigidOrigin { number }),
+                    _ => None,
+                });
+            }
+        }
+        Ok(answer)
+    }
+
+    /// The complete search: proves what continuation has found and finds what it has not.
+    fn search<M: FromMaterial + Provable>(
+        &self,
+        problem: &Problem<M>,
+        answer: &mut Enumeration,
+        options: Options,
+    ) -> Result<(), GeometryFault> {
+        let beside;
+        let mut problem = problem;
+        let mut found = complete(problem);
+        if let Err(Refusal::Vertical(_)) = found {
+            // The plane of an exactly vertical cable is not defined: that of a pose beside it is.
+            beside = self.beside().problem::<M>()?;
+            problem = &beside;
+            found = complete(problem);
+        }
+        let found = match found {
+            Ok(found) => found,
+            Err(refusal) => {
+                answer.search = Some(SearchReport {
+                    refusal: Some(refusal.to_string()),
+                    undecided: Vec::new(),
+                    boxes: 0,
+                    pieces: 0,
+                });
+                return Ok(());
+            }
+        };
+        let decided = found.undecided.is_empty();
+        let mut continued = std::mem::take(&mut answer.solutions);
+        let mut others = Vec::new();
+        for proof in &found.solutions {
+            let report = ProofReport {
+                length_radii_m: proof.enclosure().map(|state| state.rest_length_m.radius()),
+                kantorovich: if options.kantorovich { kantorovich(problem, proof) } else { None },
+            };
+            let known = continued
+                .iter_mut()
+                .find(|known| known.proof.is_none() && proof.holds(&known.solution.states));
+            if let Some(known) = known {
+                known.proof = Some(report);
+                known.solution.states = proof.states();
+                continue;
+            }
+            let Some(solution) = Solution::at(problem, proof.states()) else { continue };
+            others.push(FoundSolution {
+                sags_m: std::array::from_fn(|i| sag_m(problem, &solution, i)),
+                solution,
+                origin: None,
+                retraced: None,
+                proof: Some(report),
+            });
+        }
+        // What continuation claims and the search excludes is no solution.
+        let unproven = continued.iter().filter(|known| known.proof.is_none());
+        answer.differences.extend(unproven.filter_map(|known| {
+            Some(Difference::Unconfirmed { origin: known.origin?, contradicted: decided })
+        }));
+        continued.retain(|known| known.proof.is_some() || !decided);
+        others.sort_by(|a, b| {
+            let lengths = |f: &FoundSolution| f.solution.states.map(|s| s.rest_length_m);
+            lengths(a).partial_cmp(&lengths(b)).unwrap_or(Ordering::Equal)
+        });
+        answer.solutions = continued;
+        answer.solutions.extend(others);
+        answer.search = Some(SearchReport {
+            refusal: None,
+            undecided: found.undecided,
+            boxes: found.boxes,
+            pieces: found.pieces,
+        });
+        Ok(())
+    }
+
+    /// The request for a pose within rounding of this one.
+    fn beside(&self) -> Self {
+        let mut beside = self.clone();
+        let size_m = beside.position_m.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
+        beside.position_m[0] += 0.6 * BESIDE * size_m;
+        beside.position_m[1] += 0.8 * BESIDE * size_m;
+        beside
     }
 
     /// The rigid solutions themselves; the weight of the material gives slack cables their lengths.
-    fn rigid(&self) -> Result<Enumeration, GeometryFault> {
+    fn rigid(&self, method: Method) -> Result<Enumeration, GeometryFault> {
         let hanging = self.problem::<IrvineCatenary<f64>>()?;
         let rigid = RigidSolutions::of(&hanging.balance);
         let weights = std::array::from_fn(|i| hanging.model(i).weight_n_m);
@@ -161,7 +423,6 @@ impl Request {
                         origin.forces_n[i]
                     }
                 }),
-                origin: origin.slack,
                 is_positive: origin.is_positive,
                 condition,
                 vertical: slack,
@@ -173,19 +434,25 @@ impl Request {
                     0.0
                 }
             });
-            Some(FoundSolution { solution, sags_m, retraced: None })
+            let origin = Some(origin.slack);
+            Some(FoundSolution { solution, origin, sags_m, retraced: None, proof: None })
         };
         let mut solutions = Vec::new();
         let mut branches = Vec::new();
-        for found in rigid.solutions.iter().filter_map(found) {
-            let origin = found.solution.origin;
+        for (origin, found) in rigid.solutions.iter().filter_map(|r| Some((r.slack, found(r)?))) {
             let end = continuation::held_against_limits(&self.robot.limits, found.solution.clone());
             if matches!(end, BranchEnd::Solution(_)) {
                 solutions.push(found);
             }
             branches.push(Branch { origin, end, folds: Vec::new(), steps: 0, largest_h: 0.0 });
         }
-        Ok(Enumeration { rigid, solutions, branches })
+        let search = method.searches().then(|| SearchReport {
+            refusal: Some("rigid cables are solved by linear algebra, without a proof".to_owned()),
+            undecided: Vec::new(),
+            boxes: 0,
+            pieces: 0,
+        });
+        Ok(Enumeration { rigid, solutions, branches, search, differences: Vec::new() })
     }
 }
 

@@ -6,7 +6,7 @@ use cdpr_core::{
 };
 use cdpr_host_sim::cases::Overrides;
 use cdpr_host_sim::continuation::{BranchEnd, Solution};
-use cdpr_host_sim::enumerate::{Enumeration, ModelKind, Request, Retraced};
+use cdpr_host_sim::enumerate::{Enumeration, Method, ModelKind, Options, Request, Retraced};
 use cdpr_host_sim::rigid::SlackSet;
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_tests::{PoseCase, SolutionCase, paper_cases, random_cases, random_tests, tolerance};
@@ -32,12 +32,14 @@ fn agrees(found: &Solution, expected: &SolutionCase) -> bool {
 }
 
 fn enumerate(case: &PoseCase) -> Enumeration {
-    case.request().enumerate(true).expect("a valid pose")
+    case.request().enumerate(Options { retrace: true, ..Options::default() }).expect("a valid pose")
 }
 
 /// Every found solution is expected, every expected one is found, and none twice.
 fn assert_same_solutions(answer: &Enumeration, case: &PoseCase) {
     assert_eq!(answer.solutions.len(), case.solutions.len(), "at {:?}", case.position_m);
+    assert!(answer.is_complete(), "at {:?}", case.position_m);
+    assert_eq!(answer.differences, [], "at {:?}", case.position_m);
     for expected in &case.solutions {
         let found =
             answer.solutions.iter().filter(|found| agrees(&found.solution, expected)).count();
@@ -68,7 +70,7 @@ fn the_paper_is_reproduced() {
                 .expect("found above");
             let origin =
                 SlackSet::of(expected.from_rigid_slack_set.as_ref().expect("paper.json names it"));
-            assert_eq!(found.solution.origin, origin);
+            assert_eq!(found.origin, Some(origin));
             assert_eq!(found.retraced, Some(Retraced::Rigid(origin)), "the inverse scheme");
             assert_eq!(
                 found.solution.is_positive,
@@ -91,11 +93,7 @@ fn random_poses_are_reproduced() {
         assert_eq!(sets, expected);
         assert_same_solutions(&answer, &case);
         for found in &answer.solutions {
-            assert_eq!(
-                found.retraced,
-                Some(Retraced::Rigid(found.solution.origin)),
-                "the inverse scheme"
-            );
+            assert_eq!(found.retraced, found.origin.map(Retraced::Rigid), "the inverse scheme");
         }
     }
 }
@@ -105,7 +103,7 @@ fn paper_pose_at(deformation: f64) -> Enumeration {
     let mut case = paper_cases().remove(3);
     case.linear_density_kg_m *= deformation;
     case.axial_stiffness_n /= deformation;
-    case.request().enumerate(false).expect("a valid pose")
+    case.request().enumerate(Options::default()).expect("a valid pose")
 }
 
 #[test]
@@ -150,10 +148,10 @@ fn a_limit_is_named() {
 fn a_massless_cable_cannot_be_slack() {
     let mut request = paper_cases()[2].request();
     request.model = ModelKind::Elastic;
-    let answer = request.enumerate(false).expect("a valid pose");
+    let answer = request.enumerate(Options::default()).expect("a valid pose");
     assert_eq!(answer.solutions.len(), 1);
+    assert_eq!(answer.solutions[0].origin, Some(SlackSet::of(&[])));
     let taut = &answer.solutions[0].solution;
-    assert!(taut.origin.is_empty());
     for (state, cable) in taut.states.iter().zip(answer.rigid.solutions[0].forces_n) {
         // A straight elastic cable pulls along the chord, as the rigid one does.
         assert!((state.tension_at_attachment_n() / cable - 1.0).abs() < tolerance::RIGID_FORCE);
@@ -171,7 +169,7 @@ fn models_agree_where_cables_are_nearly_straight() {
         model,
     };
     let solution = |model| {
-        let answer = request(model).enumerate(false).expect("a valid pose");
+        let answer = request(model).enumerate(Options::default()).expect("a valid pose");
         assert_eq!(answer.solutions.len(), 1);
         answer.solutions[0].solution.clone()
     };
@@ -199,7 +197,9 @@ fn an_exactly_vertical_slack_cable_is_solved() {
             rotation_vector_rad: [0.0; 3],
             model: ModelKind::Irvine,
         };
-        let answer = request.enumerate(true).expect("a valid pose");
+        let answer = request
+            .enumerate(Options { retrace: true, ..Options::default() })
+            .expect("a valid pose");
         assert_eq!(answer.solutions.len(), 1);
         let found = &answer.solutions[0];
         assert_eq!(found.retraced, Some(Retraced::Rigid(SlackSet::of(&[4]))));
@@ -268,8 +268,9 @@ fn frames_do_not_matter() {
         rotation_vector_rad: rotation.into(),
         model: ModelKind::Irvine,
     };
-    let reference =
-        request(crane.clone(), position, rotation).enumerate(false).expect("a valid pose");
+    let reference = request(crane.clone(), position, rotation)
+        .enumerate(Options::default())
+        .expect("a valid pose");
     assert!(!reference.solutions.is_empty());
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.0, 0.8));
     let shift = Vector3::new(0.3, -0.4, 0.6);
@@ -279,7 +280,7 @@ fn frames_do_not_matter() {
         turn * (position + orientation * shift),
         (turn * orientation).scaled_axis(),
     )
-    .enumerate(false)
+    .enumerate(Options::default())
     .expect("a valid pose");
     assert_eq!(answer.solutions.len(), reference.solutions.len());
     for (a, b) in answer.solutions.iter().zip(&reference.solutions) {
@@ -405,18 +406,20 @@ proptest! {
             rotation_vector_rad,
             model: if parabolic { ModelKind::Parabolic } else { ModelKind::Irvine },
         };
-        let answer = request.enumerate(true).expect("a valid pose");
+        // Without limits only continuation has an end.
+        let options = Options { method: Method::Continuation, retrace: true, ..Options::default() };
+        let answer = request.enumerate(options).expect("a valid pose");
         prop_assert_eq!(answer.degree(), answer.rigid.degree());
         for branch in &answer.branches {
             let known = matches!(branch.end, BranchEnd::Solution(_) | BranchEnd::MetBranch(_));
             prop_assert!(known, "{}: {}", branch.origin, branch);
         }
         for (n, a) in answer.solutions.iter().enumerate() {
-            prop_assert_eq!(a.retraced, Some(Retraced::Rigid(a.solution.origin)));
+            prop_assert_eq!(a.retraced, a.origin.map(Retraced::Rigid));
             for b in &answer.solutions[..n] {
                 let same = a.solution.states.iter().zip(&b.solution.states)
                     .all(|(a, b)| (a.force_n - b.force_n).norm() < 1e-6 * a.force_n.norm());
-                prop_assert!(!same, "{} and {}", a.solution.origin, b.solution.origin);
+                prop_assert!(!same, "{:?} and {:?}", a.origin, b.origin);
             }
         }
     }

@@ -8,7 +8,7 @@ use cdpr_core::{
     CABLES, CableState, GeometryFault, IrvineCatenary, Load, NewtonStep, Pose, Real, Robot,
     StepFault,
 };
-use cdpr_host_sim::enumerate::{ModelKind, Request};
+use cdpr_host_sim::enumerate::{ModelKind, Options, Request};
 use cdpr_host_sim::robot_file::RobotDescription;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
@@ -49,7 +49,8 @@ impl<T: Real> Walker<T> {
             model: ModelKind::Irvine,
         };
         let problem = request.problem::<IrvineCatenary<f64>>().expect("the pose is regular");
-        let solutions = request.enumerate(false).expect("the pose is regular").solutions;
+        let solutions =
+            request.enumerate(Options::default()).expect("the pose is regular").solutions;
         assert_eq!(solutions.len(), 1, "the first pose has one solution");
         let start = solutions[0].solution.states.map(|state| cast_state(&state));
 

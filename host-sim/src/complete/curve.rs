@@ -23,6 +23,9 @@ const LEAST_BOX: f64 = 1e-14;
 /// How often that box is enlarged, by this factor each time.
 const BOX_ATTEMPTS: usize = 4;
 const BOX_GROWTH: f64 = 16.0;
+/// Error of a component of the wrench of a force from the rounding of direction and lever arm (8
+/// units of 2^-53 each, as in [`PLANE_ROUNDING`](super::PLANE_ROUNDING)) and of the products.
+const PLANE_WRENCH_ROUNDING: f64 = 12.0 * f64::EPSILON;
 /// How close to the ends of its chord a piece may be cut, as a part of half the chord.
 const CUT_MARGIN: f64 = 0.9999;
 
@@ -280,7 +283,7 @@ impl<'a, M: Provable> Curve<'a, M> {
             if self.plane.x_m > 0.0 { 2.0 * self.plane_error_m / self.plane.x_m } else { 0.0 };
         let force_n = hull.force_n.map(Interval::magnitude);
         let wrench_error_n =
-            x_error.min(2.0) * force_n.x + 64.0 * f64::EPSILON * (force_n.x + force_n.y);
+            x_error.min(2.0) * force_n.x + PLANE_WRENCH_ROUNDING * (force_n.x + force_n.y);
         Some(Piece {
             shorter,
             longer,

@@ -30,10 +30,13 @@ use curve::{Curve, Node, Piece};
 use search::Search;
 use statics::examine;
 
-/// How far a computed plane may be from the true one, relative to the coordinates that went into it:
-/// the rotation matrix (8 roundings), its product with the attachment (5) and two sums, in units of
-/// 2^-53, with room.
-pub const PLANE_ROUNDING: f64 = 16.0 * f64::EPSILON;
+/// How far a computed plane may be from the true one, in units of the coordinates that went into it.
+///
+/// The entries of the rotation matrix are off by at most 8 roundings (of 2^-53 each) and their product
+/// with the attachment by 3 more, three of them together: 20 roundings of the moment arm are enough.
+/// Adding the position and subtracting the anchor round once each, the horizontal distance twice.
+/// Twice all that is taken.
+pub const PLANE_ROUNDING: f64 = 2.0 * f64::EPSILON;
 /// How far beyond the limits the curves are searched, so that solutions at a limit are not cut off.
 const BEYOND: f64 = 1e-6;
 /// How often the ball of [`kantorovich`] is doubled at most.
@@ -88,7 +91,8 @@ impl Proof {
 
     /// Whether `states`, known to be near a solution, are near this one: well inside the box in which
     /// it is the only one.
-    fn holds(&self, states: &[CableState<f64>; CABLES]) -> bool {
+    #[must_use]
+    pub fn holds(&self, states: &[CableState<f64>; CABLES]) -> bool {
         (0..CABLES).all(|k| {
             (states[k].force_n - self.nodes[k].near.force_n).norm() < 0.1 * self.radii_n[k]
         })
@@ -284,7 +288,8 @@ fn ball<M: Provable>(
 fn curve<M: Provable>(problem: &Problem<M>, cable: usize) -> Curve<'_, M> {
     let plane = &problem.balance.planes()[cable];
     let anchor_m = problem.robot.cables()[cable].anchor_m.amax();
-    let coordinates_m = 2.0 * anchor_m + plane.distance_m() + 2.0 * problem.robot.moment_arm_m();
+    let arm_m = problem.robot.moment_arm_m();
+    let coordinates_m = 2.0 * anchor_m + 4.0 * plane.distance_m() + 20.0 * arm_m;
     Curve::new(problem.model(cable), plane, PLANE_ROUNDING * coordinates_m)
 }
 

@@ -21,8 +21,9 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::curve::Piece;
 
-/// Units of rounding per sum: 7 terms of 6 products, the inverse of the scale, and room.
-const ROUNDING: f64 = 32.0 * f64::EPSILON;
+/// Rounding per unit of the sizes that are summed: 7 additions of terms that are rounded 3 times
+/// themselves, 6 products with the inverse; 20 units of 2^-53, and room.
+const ROUNDING: f64 = 12.0 * f64::EPSILON;
 /// How often each equation narrows the box.
 const SWEEPS: usize = 2;
 /// For the rounding of sums of non-negative bounds.

@@ -15,7 +15,7 @@ mod system;
 use std::fmt;
 
 use cdpr_core::elimination::Elimination;
-use cdpr_core::{CABLES, CableModel, CableState};
+use cdpr_core::{CABLES, CableModel, CableState, NewtonStep};
 
 use crate::problem::Problem;
 use crate::rigid::{RigidSolution, SlackSet};
@@ -64,8 +64,6 @@ pub struct Solution {
     pub states: [CableState<f64>; CABLES],
     /// Tension at the anchor, N.
     pub anchor_tensions_n: [f64; CABLES],
-    /// The rigid solution that it comes from.
-    pub origin: SlackSet,
     /// Sign of the determinant of the six unit tangents, towards longer cables: true for +1.
     pub is_positive: bool,
     /// Condition number (1-norm) of the same matrix.
@@ -76,6 +74,24 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// The solution with these forces and lengths; `None` where it is singular.
+    #[must_use]
+    pub fn at<M: CableModel<f64>>(
+        problem: &Problem<M>,
+        states: [CableState<f64>; CABLES],
+    ) -> Option<Self> {
+        let step = NewtonStep::new(&problem.robot, &problem.balance, &states).ok()?;
+        Some(Self {
+            states,
+            anchor_tensions_n: std::array::from_fn(|i| {
+                states[i].tension_at_anchor_n(problem.model(i).weight_n_m())
+            }),
+            is_positive: step.is_positive(),
+            condition: step.condition(),
+            vertical: [false; CABLES],
+        })
+    }
+
     /// Largest tension of a cable (counted from 0), which is at one of its ends, N.
     #[must_use]
     pub fn tension_n(&self, cable: usize) -> f64 {
@@ -270,7 +286,7 @@ fn branch<M: CableModel<f64>>(
     let path = follow(system, start, (bottom, 0.0), true, caution);
     let path = down_to_rigid(deformation, rigid, path, caution);
     let end = match &path.end {
-        End::Top(point) => arrival(deformation, origin.slack, point, &path),
+        End::Top(point) => arrival(deformation, point, &path),
         End::Bottom(point) => identify(problem, rigid, point)
             .map_or(BranchEnd::CameBackElsewhere, BranchEnd::MetBranch),
         End::RanAway { cable, sigma } => {
@@ -359,7 +375,6 @@ fn identify<M: CableModel<f64>>(
 /// A path that reached full deformation: the solution, held against the limits.
 fn arrival<M: CableModel<f64>>(
     deformation: &Deformation<'_, M>,
-    origin: SlackSet,
     point: &Point,
     path: &Path,
 ) -> BranchEnd {
@@ -375,7 +390,6 @@ fn arrival<M: CableModel<f64>>(
         anchor_tensions_n: std::array::from_fn(|i| {
             point.states[i].tension_at_anchor_n(problem.model(i).weight_n_m())
         }),
-        origin,
         is_positive: elimination.is_positive(),
         condition: elimination.condition(),
         vertical: path.vertical,

@@ -3,17 +3,19 @@
 use cdpr_core::CABLES;
 use serde::Serialize;
 
+use crate::complete::Kantorovich;
 use crate::continuation::{Branch, BranchEnd};
-use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request, Retraced};
+use crate::enumerate::{Enumeration, FoundSolution, Method, ModelKind, Request, Retraced};
 use crate::rigid::{RigidSolution, SlackSet};
 
 /// The answer to `request` as one JSON document; lengths in m, forces (on the cable at B) in N.
 #[must_use]
-pub fn json(request: &Request, answer: &Enumeration) -> impl Serialize + use<> {
+pub fn json(request: &Request, method: Method, answer: &Enumeration) -> impl Serialize + use<> {
     Document {
         robot: request.robot.name.clone(),
         model: request.model,
-        method: "continuation",
+        method,
+        complete: answer.is_complete(),
         position_m: request.position_m,
         rotation_vector_rad: request.rotation_vector_rad,
         mass_kg: request.robot.load.mass_kg,
@@ -30,9 +32,27 @@ pub fn json(request: &Request, answer: &Enumeration) -> impl Serialize + use<> {
         }),
         rigid: answer.rigid.solutions.iter().map(Rigid::from).collect(),
         rigid_undecided: answer.rigid.undecided.clone(),
-        degree: Degree { rigid: answer.rigid.degree(), deformable: answer.degree() },
+        degree: Degree {
+            rigid: answer.rigid.degree(),
+            deformable: answer.degree(),
+            continuation: (method != Method::Complete).then(|| answer.continuation_degree()),
+        },
         solutions: answer.solutions.iter().map(Solution::from).collect(),
         branches: answer.branches.iter().map(BranchReport::from).collect(),
+        undecided: answer
+            .search
+            .iter()
+            .flat_map(|search| &search.undecided)
+            .map(|place| Undecided {
+                lengths_m: place.states.map(|s| [s.rest_length_m.low(), s.rest_length_m.high()]),
+            })
+            .collect(),
+        search: answer.search.as_ref().map(|search| Search {
+            refusal: search.refusal.clone(),
+            boxes: search.boxes,
+            pieces: search.pieces,
+        }),
+        differences: answer.differences.iter().map(ToString::to_string).collect(),
     }
 }
 
@@ -40,7 +60,9 @@ pub fn json(request: &Request, answer: &Enumeration) -> impl Serialize + use<> {
 struct Document {
     robot: String,
     model: ModelKind,
-    method: &'static str,
+    method: Method,
+    /// Whether the solutions are proven to be all within the limits.
+    complete: bool,
     position_m: [f64; 3],
     rotation_vector_rad: [f64; 3],
     mass_kg: f64,
@@ -53,6 +75,25 @@ struct Document {
     degree: Degree,
     solutions: Vec<Solution>,
     branches: Vec<BranchReport>,
+    /// Where it could not be decided whether there is a solution.
+    undecided: Vec<Undecided>,
+    search: Option<Search>,
+    /// Where the two methods differ, and why.
+    differences: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Undecided {
+    /// Lower and upper bound of each rest length.
+    lengths_m: [[f64; 2]; CABLES],
+}
+
+#[derive(Serialize)]
+struct Search {
+    /// Why there was none.
+    refusal: Option<String>,
+    boxes: usize,
+    pieces: usize,
 }
 
 #[derive(Serialize)]
@@ -84,21 +125,29 @@ impl From<&RigidSolution> for Rigid {
 struct Degree {
     rigid: i32,
     deformable: i32,
+    /// Null when continuation was not asked for.
+    continuation: Option<i32>,
 }
 
 #[derive(Serialize)]
 struct Solution {
     lengths_m: [f64; CABLES],
+    proved: bool,
+    /// How far each true length can be from the one given; null when not proved.
+    length_radii_m: Option<[f64; CABLES]>,
+    kantorovich: Option<Kantorovich>,
     horizontal_forces_n: [f64; CABLES],
     vertical_forces_n: [f64; CABLES],
     anchor_tensions_n: [f64; CABLES],
     sags_m: [f64; CABLES],
-    rigid_slack_set: SlackSet,
+    /// Null when no rigid solution leads to it, or continuation was not asked for.
+    rigid_slack_set: Option<SlackSet>,
     det_sign: i8,
     condition: f64,
     /// Cables solved with the simplified vertical model.
     vertical_cables: Vec<usize>,
-    /// Only with `--retrace`: where the inverse scheme leads, null when to no rigid solution.
+    /// With `--retrace`, and for solutions that continuation does not reach: where the inverse scheme
+    /// leads, null when to no rigid solution.
     #[serde(skip_serializing_if = "Option::is_none")]
     retraced_slack_set: Option<Retraced>,
 }
@@ -109,11 +158,14 @@ impl From<&FoundSolution> for Solution {
         let states = &solution.states;
         Self {
             lengths_m: std::array::from_fn(|i| states[i].rest_length_m),
+            proved: found.proof.is_some(),
+            length_radii_m: found.proof.as_ref().map(|proof| proof.length_radii_m),
+            kantorovich: found.proof.as_ref().and_then(|proof| proof.kantorovich),
             horizontal_forces_n: std::array::from_fn(|i| states[i].force_n.x),
             vertical_forces_n: std::array::from_fn(|i| states[i].force_n.y),
             anchor_tensions_n: solution.anchor_tensions_n,
             sags_m: found.sags_m,
-            rigid_slack_set: solution.origin,
+            rigid_slack_set: found.origin,
             det_sign: sign(solution.is_positive),
             condition: solution.condition,
             vertical_cables: (0..CABLES).filter(|&i| solution.vertical[i]).map(|i| i + 1).collect(),

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cdpr_core::CABLES;
 use comfy_table::{CellAlignment, Table, presets};
 
-use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request, Retraced};
+use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request, Retraced, SearchReport};
 
 /// The answer to `request` as text.
 #[must_use]
@@ -46,11 +46,49 @@ pub fn text(request: &Request, answer: &Enumeration) -> String {
     for branch in &answer.branches {
         let _ = writeln!(out, "  branch {}: {branch}", branch.origin);
     }
+    if let Some(search) = &answer.search {
+        out += &search_text(search, answer);
+    }
+    for difference in &answer.differences {
+        let _ = writeln!(out, "  {difference}");
+    }
     if answer.degree() != answer.rigid.degree() {
-        let _ = writeln!(out, "  The degrees differ: not every branch has given a solution");
+        let reason = if answer.is_complete() {
+            "solutions lie beyond the limits"
+        } else {
+            "not every branch has given a solution"
+        };
+        let _ = writeln!(out, "  The degrees differ: {reason}");
     }
     for (number, found) in answer.solutions.iter().enumerate() {
         let _ = write!(out, "\n{}", solution_text(number + 1, found));
+    }
+    out
+}
+
+fn search_text(search: &SearchReport, answer: &Enumeration) -> String {
+    let mut out = String::new();
+    if let Some(refusal) = &search.refusal {
+        let _ = writeln!(out, "  Not complete: {refusal}");
+        return out;
+    }
+    let effort = format!("{} boxes", search.boxes);
+    if answer.is_complete() {
+        let claim = if answer.solutions.is_empty() {
+            "proven: there is no solution within the limits"
+        } else {
+            "proven: each exists, and there are no others within the limits"
+        };
+        let _ = writeln!(out, "  Complete, {claim} ({effort})");
+    } else {
+        let _ =
+            writeln!(out, "  Not complete ({effort}): whether there are more is undecided where");
+    }
+    for place in &search.undecided {
+        let ranges = place.states.iter().map(|state| {
+            format!("{:.9}..{:.9}", state.rest_length_m.low(), state.rest_length_m.high())
+        });
+        let _ = writeln!(out, "    the lengths are {} m", ranges.collect::<Vec<_>>().join(", "));
     }
     out
 }
@@ -88,9 +126,17 @@ fn heading(request: &Request) -> String {
 
 fn solution_text(number: usize, found: &FoundSolution) -> String {
     let solution = &found.solution;
+    let origin = match (found.origin, found.retraced) {
+        (Some(origin), _) => format!(", from rigid slack set {origin}"),
+        (None, Some(Retraced::Nowhere)) => ", without a rigid origin".to_owned(),
+        (None, _) => String::new(),
+    };
+    let proof = found.proof.as_ref().map_or(String::new(), |proof| {
+        let largest_m = proof.length_radii_m.iter().copied().fold(0.0, f64::max);
+        format!(", proven to {largest_m:.0e} m")
+    });
     let mut out = format!(
-        "Solution {number}, from rigid slack set {}: det {}, condition {:.1}\n",
-        solution.origin,
+        "Solution {number}{origin}{proof}: det {}, condition {:.1}\n",
         sign(solution.is_positive),
         solution.condition,
     );
