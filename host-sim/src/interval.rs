@@ -65,11 +65,11 @@ impl Interval {
         Self::new(value, value)
     }
 
-    /// `center` plus or minus `radius`, rounded outwards.
+    /// `center` plus or minus `radius`, rounded outwards; [`Interval::ENTIRE`] unless `radius >= 0`.
     #[must_use]
     #[inline]
     pub fn around(center: f64, radius: f64) -> Self {
-        Self::outwards(radius - center, center + radius)
+        if radius >= 0.0 { Self::outwards(radius - center, center + radius) } else { Self::ENTIRE }
     }
 
     /// What is between `-radius` and `radius`.
@@ -319,10 +319,8 @@ impl Scalar for Interval {
     #[inline]
     fn hypot_with_excess(x: Self, z: Self) -> (Self, Self) {
         let (near, far) = (x.mignitude(), x.magnitude());
-        let t = Self::checked(
-            -hypot(near, z.mignitude()).low().max(0.0),
-            hypot(far, z.magnitude()).high,
-        );
+        let t =
+            Self::checked(hypot(near, z.mignitude()).negated_low, hypot(far, z.magnitude()).high);
         let excess = Self::checked(-excess(near, z.high).low().max(0.0), excess(far, z.low()).high);
         (t, excess)
     }

@@ -1,0 +1,252 @@
+#!/usr/bin/env python3
+"""Shows that the tests notice wrong code: makes one small mistake after the other in a copy of the
+tree and reports which of them no test sees.
+
+    tests/oracles/mutate.py [WORD]      only mistakes with WORD in file, text or command
+
+Takes a few seconds a mistake; `tests/run` does not call it. The copy and what is compiled from it are
+in `target/mutants`, or in `mutants` below CARGO_TARGET_DIR. Exit status 1 when a mistake survives, or
+when one that is listed as harmless is noticed.
+"""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PLACE = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "mutants"
+TIMEOUT_S = 300
+
+INTERVAL = "host-sim/src/interval.rs"
+INTERVAL_TEST = ("--package", "cdpr-tests", "--test", "interval_scalar")
+
+# (file, text, which must occur once, replacement, arguments of `cargo test`[, why it is harmless])
+MISTAKES = [
+    (INTERVAL, old, new, INTERVAL_TEST, *why)
+    for old, new, *why in (
+        # Rounding.
+        ("    value + (value.abs() * STEP + LEAST)", "    value"),
+        ("    value + (value.abs() * STEP + LEAST)", "    value - (value.abs() * STEP + LEAST)"),
+        ("    value + (value.abs() * STEP + LEAST)", "    value + value.abs() * STEP"),
+        ("    value + (value.abs() * STEP + LEAST)", "    value + (value * STEP + LEAST)"),
+        ("    value + (value.abs() * STEP + LEAST)", "    value + 8.0 * (value.abs() * STEP + LEAST)"),
+        ("f64 = UNIT * (1.0 + f64::EPSILON)", "f64 = UNIT"),
+        ("f64 = UNIT * (1.0 + f64::EPSILON)", "f64 = 0.5 * UNIT"),
+        ("value + (value.abs() * (units * STEP) + LEAST)", "value"),
+        ("value + (value.abs() * (units * STEP) + LEAST)", "value - (value.abs() * (units * STEP) + LEAST)"),
+        ("value + (value.abs() * (units * STEP) + LEAST)", "value + (value * (units * STEP) + LEAST)"),
+        ("value + (value.abs() * (units * STEP) + LEAST)", "value + value.abs() * (units * STEP)",
+         "only distances above 1e-140, tails and logarithms get here, of which only ln 1 = 0 is small"),
+        ("checked(up(negated_low), up(high))", "checked(negated_low, up(high))"),
+        ("checked(up(negated_low), up(high))", "checked(up(negated_low), high)"),
+        ("if (negated_low + high).is_nan() {", "if false {"),
+        # Construction and queries.
+        ("if low <= high { Self::checked(-low, high) }", "if low <= high { Self { negated_low: -low, high } }"),
+        ("if low <= high { Self::checked(-low, high) }", "if true { Self::checked(-low, high) }"),
+        ("Self::outwards(radius - center, center + radius)", "Self::checked(radius - center, center + radius)"),
+        ("Self::outwards(radius - center, center + radius)", "Self::outwards(center - radius, center + radius)"),
+        ("        if radius >= 0.0 {", "        if true {"),
+        ("Self::new(-radius, radius)", "Self::new(radius, radius)"),
+        ("0.5 * self.high - 0.5 * self.negated_low", "0.5 * self.high + 0.5 * self.negated_low"),
+        ("middle.clamp(self.low(), self.high)", "middle"),
+        ("up((self.high - middle).max(middle + self.negated_low))", "(self.high - middle).max(middle + self.negated_low)"),
+        ("up((self.high - middle).max(middle + self.negated_low))", "up((self.high - middle).min(middle + self.negated_low))"),
+        ("up((self.high - middle).max(middle + self.negated_low))", "up(self.high - middle)"),
+        ("up((self.high - middle).max(middle + self.negated_low))", "up(middle + self.negated_low)"),
+        ("self.high.max(self.negated_low)", "self.high"),
+        ("self.high.max(self.negated_low)", "self.negated_low"),
+        ("self.low().max(-self.high).max(0.0)", "self.low().max(0.0)"),
+        ("self.low().max(-self.high).max(0.0)", "(-self.high).max(0.0)"),
+        ("self.low().max(-self.high).max(0.0)", "self.low().max(-self.high)"),
+        ("self.negated_low < f64::INFINITY && self.high < f64::INFINITY", "self.high < f64::INFINITY"),
+        ("self.negated_low < f64::INFINITY && self.high < f64::INFINITY", "self.negated_low < f64::INFINITY"),
+        ("self.low() <= value && value <= self.high", "self.low() < value && value <= self.high"),
+        ("self.low() <= value && value <= self.high", "self.low() <= value && value < self.high"),
+        ("self.negated_low < other.negated_low && self.high < other.high", "self.negated_low <= other.negated_low && self.high < other.high"),
+        ("self.negated_low < other.negated_low && self.high < other.high", "self.negated_low < other.negated_low && self.high <= other.high"),
+        # Sets.
+        ("self.negated_low.max(other.negated_low)", "self.negated_low.min(other.negated_low)"),
+        ("self.high.max(other.high)", "self.high.min(other.high)"),
+        ("self.negated_low.min(other.negated_low)", "self.negated_low.max(other.negated_low)"),
+        ("self.high.min(other.high)", "self.high.max(other.high)"),
+        ("(-negated_low <= high)", "(-negated_low < high)"),
+        ("(-negated_low <= high)", "(negated_low <= high)"),
+        # Square.
+        ("-up(-(small * small))", "small * small"),
+        ("-up(-(small * small))", "up(small * small)"),
+        ("-low.max(0.0), up(large * large)", "-low.max(0.0), large * large"),
+        ("-low.max(0.0), up(large * large)", "-low, up(large * large)"),
+        ("-low.max(0.0), up(large * large)", "-low.max(0.0), up(small * small)"),
+        ("(self.mignitude(), self.magnitude())", "(self.magnitude(), self.magnitude())"),
+        ("(self.mignitude(), self.magnitude())", "(self.low(), self.high)"),
+        # Logarithm.
+        ("up_by(-low, 3.0)", "up_by(-low, 0.0)"),
+        ("up_by(-low, 3.0)", "up_by(-low, -3.0)"),
+        ("up_by(high, 3.0)", "up_by(high, 0.0)"),
+        ("up_by(high, 3.0)", "up_by(high, -3.0)"),
+        ("(libm::log(self.low()), libm::log(self.high))", "(libm::log(self.high), libm::log(self.low()))"),
+        ("        if self.low() > 0.0 {", "        if self.low() >= 0.0 {"),
+        # Sums and products.
+        ("Self { negated_low: self.high, high: self.negated_low }", "self"),
+        ("outwards(self.negated_low + other.negated_low, self.high + other.high)", "checked(self.negated_low + other.negated_low, self.high + other.high)"),
+        ("self.negated_low + other.negated_low, self.high + other.high", "self.negated_low - other.negated_low, self.high + other.high"),
+        ("self.negated_low + other.negated_low, self.high + other.high", "self.negated_low + other.negated_low, self.high - other.high"),
+        ("outwards(self.negated_low + other.high, self.high + other.negated_low)", "checked(self.negated_low + other.high, self.high + other.negated_low)"),
+        ("self.negated_low + other.high, self.high + other.negated_low", "self.negated_low - other.negated_low, self.high + other.negated_low"),
+        ("self.negated_low + other.high, self.high + other.negated_low", "self.negated_low + other.high, self.high - other.high"),
+        ("a.negated_low <= 0.0 && b.negated_low <= 0.0", "a.negated_low <= 0.0"),
+        ("a.negated_low <= 0.0 && b.negated_low <= 0.0", "b.negated_low <= 0.0"),
+        ("a.negated_low <= 0.0 && b.negated_low <= 0.0", "false", "the general case covers it, slower"),
+        ("outwards(a.negated_low * -b.negated_low, a.high * b.high)", "checked(a.negated_low * -b.negated_low, a.high * b.high)"),
+        ("a.negated_low * -b.negated_low, a.high * b.high", "a.negated_low * b.negated_low, a.high * b.high"),
+        ("a.negated_low * -b.negated_low, a.high * b.high", "a.negated_low * -b.negated_low, a.high * -b.negated_low"),
+        ("a.negated_low * -b.negated_low, a.high * b.high", "a.negated_low * b.high, a.high * b.high"),
+        ("[al * bl, al * b.high, a.high * bl, a.high * b.high]", "[al * b.high, al * b.high, a.high * bl, a.high * b.high]"),
+        ("[al * bl, al * b.high, a.high * bl, a.high * b.high]", "[al * bl, al * bl, a.high * bl, a.high * b.high]"),
+        ("[al * bl, al * b.high, a.high * bl, a.high * b.high]", "[al * bl, al * b.high, al * bl, a.high * b.high]"),
+        ("[al * bl, al * b.high, a.high * bl, a.high * b.high]", "[al * bl, al * b.high, a.high * bl, al * bl]"),
+        ("products[0].max(products[1]).max(", "products[0].min(products[1]).max("),
+        ("products[0].min(products[1]).min(", "products[0].max(products[1]).min("),
+        ("Self::outwards(-low, high)", "Self::checked(-low, high)"),
+        ("Self::outwards(-low, high)", "Self::checked(up(-low), high)"),
+        ("Self::outwards(-low, high)", "Self::checked(-low, up(high))"),
+        # Quotient.
+        ("        if b.negated_low < 0.0 {", "        if b.negated_low <= 0.0 {"),
+        ("if a.negated_low > 0.0 { -b.negated_low } else { b.high }", "if a.negated_low < 0.0 { -b.negated_low } else { b.high }"),
+        ("if a.negated_low > 0.0 { -b.negated_low } else { b.high }", "b.high"),
+        ("if a.negated_low > 0.0 { -b.negated_low } else { b.high }", "-b.negated_low"),
+        ("if a.high > 0.0 { -b.negated_low } else { b.high }", "if a.high < 0.0 { -b.negated_low } else { b.high }"),
+        ("if a.high > 0.0 { -b.negated_low } else { b.high }", "b.high"),
+        ("if a.high > 0.0 { -b.negated_low } else { b.high }", "-b.negated_low"),
+        ("outwards(a.negated_low / low_by, a.high / high_by)", "checked(a.negated_low / low_by, a.high / high_by)"),
+        ("outwards(a.negated_low / low_by, a.high / high_by)", "checked(up(a.negated_low / low_by), a.high / high_by)"),
+        ("outwards(a.negated_low / low_by, a.high / high_by)", "checked(a.negated_low / low_by, up(a.high / high_by))"),
+        ("-(a / -b)", "a / -b"),
+        ("} else if b.high < 0.0 {", "} else if b.high <= 0.0 {"),
+        # Constants and roots.
+        ("Self::outwards(-value, value)", "Self::checked(-value, value)"),
+        ("        if self.high < 0.0 {", "        if self.high > 0.0 {"),
+        ("-up(-self.low().max(0.0).sqrt())", "self.low().max(0.0).sqrt()"),
+        ("-up(-self.low().max(0.0).sqrt())", "up(self.low().max(0.0).sqrt())"),
+        ("-low.max(0.0), up(self.high.sqrt())", "-low, up(self.high.sqrt())"),
+        ("-low.max(0.0), up(self.high.sqrt())", "-low.max(0.0), self.high.sqrt()"),
+        # Distance.
+        ("(x.mignitude(), x.magnitude())", "(x.magnitude(), x.mignitude())"),
+        ("hypot(near, z.mignitude()).negated_low", "hypot(near, z.magnitude()).negated_low"),
+        ("hypot(near, z.mignitude()).negated_low", "-hypot(near, z.mignitude()).high"),
+        ("hypot(near, z.mignitude()).negated_low", "hypot(far, z.mignitude()).negated_low"),
+        ("hypot(far, z.magnitude()).high", "hypot(far, z.mignitude()).high"),
+        ("hypot(far, z.magnitude()).high", "hypot(far, z.magnitude()).low()"),
+        ("(x.abs(), z.abs())", "(x, z)"),
+        ("x.max(z);", "x.min(z);"),
+        ("(1e-140..1e150)", "(1e-200..1e150)"),
+        ("(1e-140..1e150)", "(1e-140..1e200)"),
+        ("up_by(-t, 4.0)", "up_by(-t, 0.0)"),
+        ("up_by(-t, 4.0)", "up_by(-t, -4.0)"),
+        ("up_by(t, 4.0)", "up_by(t, 0.0)"),
+        ("up_by(t, 4.0)", "up_by(t, -4.0)"),
+        ("checked(-largest, up(x + z))", "checked(-largest, x + z)"),
+        ("checked(-largest, up(x + z))", "checked(-largest, up(largest))"),
+        ("checked(-largest, up(x + z))", "checked(-(x + z), up(x + z))"),
+        # Excess.
+        ("-excess(near, z.high).low().max(0.0)", "-excess(near, z.low()).low().max(0.0)"),
+        ("-excess(near, z.high).low().max(0.0)", "-excess(near, z.high).high.max(0.0)"),
+        ("-excess(near, z.high).low().max(0.0)", "-excess(far, z.high).low().max(0.0)"),
+        ("-excess(near, z.high).low().max(0.0)", "-excess(near, z.high).low()"),
+        ("excess(far, z.low()).high)", "excess(far, z.high).high)"),
+        ("excess(far, z.low()).high)", "excess(far, z.low()).low())"),
+        ("excess(far, z.low()).high)", "excess(near, z.low()).high)"),
+        ("    if z > 0.0 {", "    if z > f64::MAX {"),
+        ("    if z > 0.0 {", "    if z < 0.0 {"),
+        ("part * (part / (t + Interval::point(z)))", "part * (part / (t - Interval::point(z)))"),
+        ("part * (part / (t + Interval::point(z)))", "part * part / (t + Interval::point(z))"),
+        ("        t - Interval::point(z)\n", "        t + Interval::point(z)\n"),
+        # Tail of atanh: which view, which end.
+        ("complement.high < from_q.high", "complement.high > from_q.high"),
+        ("complement.high < from_q.high", "true"),
+        ("complement.high < from_q.high", "false"),
+        ("complement.low() > from_q.low()", "complement.low() < from_q.low()"),
+        ("complement.low() > from_q.low()", "true"),
+        ("complement.low() > from_q.low()", "false"),
+        ("Self::point(complement.high.min(1.0))", "Self::point(complement.low().min(1.0))"),
+        ("Self::point(complement.high.min(1.0))", "Self::point(complement.high)",
+         "q below 0 is taken for 0 by the series"),
+        ("Self::point(q.low().max(0.0))", "Self::point(q.high.max(0.0))"),
+        ("Self::point(complement.low());", "Self::point(complement.high);"),
+        ("Self::point(q.high);", "Self::point(q.low());"),
+        ("checked(low.negated_low, high.high)", "checked(high.negated_low, high.high)"),
+        ("checked(low.negated_low, high.high)", "checked(low.negated_low, low.high)"),
+        ("checked(low.negated_low, high.high)", "checked(-low.high, high.high)"),
+        ("checked(low.negated_low, high.high)", "checked(low.negated_low, high.low())"),
+        # Its two formulas.
+        ("q.high < 0.25", "q.high < 0.26"),
+        ("q.high < 0.25", "q.high < 0.24"),
+        ("q.high < 0.25", "q.low() < 0.25"),
+        ("up_by(-low, 48.0)", "up_by(-low, 0.0)"),
+        ("up_by(-low, 48.0)", "up_by(-low, -48.0)"),
+        ("up_by(high, 48.0)", "up_by(high, 0.0)"),
+        ("up_by(high, 48.0)", "up_by(high, -48.0)"),
+        ("((one + q) / complement)", "((one - q) / complement)"),
+        ("((one + q) / complement)", "((one + q) / (one - q))"),
+        # A unit lost in here would be covered by the other roundings: the operations are tested singly.
+        ("Interval::point(0.5) * logarithm", "logarithm"),
+        ("/ q - one)", "- one)"),
+        ("/ q.square()", "/ q"),
+    )
+]
+
+
+def cargo(tree, *arguments):
+    """Whether it succeeds; a test that hangs has failed."""
+    command = ["cargo", "test", "--locked", "--quiet", *arguments]
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(PLACE / "target"), "RUST_BACKTRACE": "0"}
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    try:
+        return subprocess.run(command, cwd=tree, env=environment, timeout=TIMEOUT_S, **silent).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def copy():
+    """A fresh copy of what is in the working tree, without what is ignored."""
+    tree = PLACE / "tree"
+    shutil.rmtree(tree, ignore_errors=True)
+    listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    for name in subprocess.run(listed, cwd=ROOT, capture_output=True, check=True).stdout.decode().split("\0"):
+        if name and (ROOT / name).is_file():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            # With the time of now, or cargo would keep what it made of the last mistake.
+            shutil.copy(ROOT / name, tree / name)
+    return tree
+
+
+def main():
+    word = sys.argv[1] if len(sys.argv) > 1 else ""
+    chosen = [m for m in MISTAKES if any(word in text for text in (*m[:3], " ".join(m[3])))]
+    for file, old, *_ in chosen:
+        if (count := (ROOT / file).read_text().count(old)) != 1:
+            sys.exit(f"{file}: {count} times: {old}")
+    tree = copy()
+    for arguments in dict.fromkeys(m[3] for m in chosen):
+        if not cargo(tree, *arguments):
+            sys.exit(f"without a mistake already fails: cargo test {' '.join(arguments)}")
+    unexpected = 0
+    for file, old, new, arguments, *why in chosen:
+        source = (tree / file).read_text()
+        (tree / file).write_text(source.replace(old, new))
+        if not cargo(tree, "--no-run", *arguments):
+            sys.exit(f"does not compile: {old}  ->  {new}")
+        noticed = not cargo(tree, *arguments)
+        (tree / file).write_text(source)
+        if noticed == bool(why):
+            unexpected += 1
+            print(f"{'NOTICED' if noticed else 'SURVIVES'}  {file}: {old.strip()}  ->  {new.strip()}", flush=True)
+    harmless = sum(len(m) > 4 for m in chosen)
+    print(f"{len(chosen)} mistakes, {harmless} of them harmless; {unexpected} not as expected")
+    sys.exit(unexpected > 0)
+
+
+if __name__ == "__main__":
+    main()
