@@ -11,13 +11,14 @@ use cdpr_core::{CableModel, CablePlane, CableState, CurvePoint};
 use nalgebra::{Matrix2, Vector2, Vector6};
 use num_traits::Zero;
 
-use super::model::{Provable, Stretch};
+use super::model::{Course, Provable, Stretch};
 use crate::interval::Interval;
 
 /// Newton steps towards a point of the curve.
 const NEWTON_STEPS: usize = 12;
-/// A step that moves force and length by less than this part of them is the last.
-const SETTLED: f64 = 1e-9;
+/// A step that moves force and length by less than this part of them is the last: the square of it is
+/// left, and the proof of a node finds it wherever it is.
+const SETTLED: f64 = 1e-5;
 /// The box in which a node is proven, relative to force and length, at least.
 const LEAST_BOX: f64 = 1e-14;
 /// How often that box is enlarged, by this factor each time.
@@ -31,23 +32,25 @@ const CUT_MARGIN: f64 = 0.9999;
 
 /// A point of a force curve.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct Node<E> {
     /// Near it.
     pub(super) near: CableState<f64>,
     /// Near the direction of the curve there, towards longer cables.
     pub(super) tangent: Vector2<f64>,
     /// Encloses it.
     pub(super) state: CableState<Interval>,
+    /// What the model keeps of it.
+    pub(super) end: E,
 }
 
 /// What lies between two nodes: `force = center + u half_chord + v normal` with
 /// `u` in `[-1, 1]`, `|v| <= thickness` and `|dv/du| <= slope`, where `normal` is `half_chord` turned
 /// by a right angle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct Piece<E> {
     /// The node with the shorter rest length.
-    pub(super) shorter: Node,
-    pub(super) longer: Node,
+    pub(super) shorter: Node<E>,
+    pub(super) longer: Node<E>,
     pub(super) center_n: Vector2<f64>,
     pub(super) half_chord_n: Vector2<f64>,
     /// Largest `|u|`, one but for the size of the nodes.
@@ -137,7 +140,7 @@ impl<'a, M: Provable> Curve<'a, M> {
     }
 
     /// Proves that the curve has exactly one point near `near` on the line across its tangent there.
-    pub(super) fn node(&self, near: CableState<f64>) -> Option<Node> {
+    pub(super) fn node(&self, near: CableState<f64>) -> Option<Node<M::End>> {
         let tangent = self.linearised(&near)?.tangent;
         self.node_along(near, tangent, Interval::zero())
     }
@@ -150,7 +153,7 @@ impl<'a, M: Provable> Curve<'a, M> {
         near: CableState<f64>,
         tangent: Vector2<f64>,
         along: Interval,
-    ) -> Option<Node> {
+    ) -> Option<Node<M::End>> {
         let normal = Vector2::new(-tangent.y, tangent.x);
         let at = |across: Interval, longer: Interval| {
             let part = |origin: f64, t: f64, n: f64| {
@@ -164,10 +167,9 @@ impl<'a, M: Provable> Curve<'a, M> {
                 Interval::point(near.rest_length_m) + longer,
             )
         };
-        let point = at(Interval::zero(), Interval::zero());
-        let residual = point.position_m - self.target;
-        // Columns: across, longer; from the middles, any matrix will do as a preconditioner.
-        let j = point.jacobian.map(Interval::middle);
+        let residual = at(Interval::zero(), Interval::zero()).position_m - self.target;
+        // Columns: across, longer. Any matrix will do as a preconditioner.
+        let j = self.model.end_point(near.force_n, near.rest_length_m).jacobian;
         let (k, b) = (Matrix2::new(j.m11, j.m12, j.m21, j.m22), Vector2::new(j.m13, j.m23));
         let inverse = Matrix2::from_columns(&[k * normal, b]).try_inverse()?;
         if !inverse.iter().all(|c| c.is_finite()) {
@@ -202,7 +204,12 @@ impl<'a, M: Provable> Curve<'a, M> {
                 };
                 // The contract speaks of cables that are not slack beyond measure and pull outwards.
                 let physical = state.rest_length_m.low() > 0.0 && state.force_n.x.low() > 0.0;
-                return physical.then_some(Node { near, tangent, state });
+                return physical.then(|| Node {
+                    near,
+                    tangent,
+                    state,
+                    end: M::end(&self.enclosing, &state),
+                });
             }
             radii *= BOX_GROWTH;
         }
@@ -210,7 +217,11 @@ impl<'a, M: Provable> Curve<'a, M> {
     }
 
     /// The piece between two nodes; `None` unless the first is the shorter one by proof.
-    pub(super) fn piece(&self, shorter: Node, longer: Node) -> Option<Piece> {
+    pub(super) fn piece(
+        &self,
+        shorter: Node<M::End>,
+        longer: Node<M::End>,
+    ) -> Option<Piece<M::End>> {
         let (a, b) = (&shorter.state, &longer.state);
         if a.rest_length_m.high() >= b.rest_length_m.low() {
             return None;
@@ -224,8 +235,9 @@ impl<'a, M: Provable> Curve<'a, M> {
         if !(size_sq > 0.0 && size_sq.is_finite()) {
             return None;
         }
-        let stretch = Stretch { span_m: self.target, shorter: a, longer: b, hull };
-        let direction = M::direction(&self.enclosing, &stretch);
+        let ends = [&shorter.end, &longer.end];
+        let stretch = Stretch { span_m: self.target, shorter: a, longer: b, hull, ends };
+        let Course { direction, offset_n } = M::course(&self.enclosing, &stretch);
         let chord = half_chord_n.map(Interval::point);
         let forwards = direction.x * chord.x + direction.y * chord.y;
         let sideways = direction.y * chord.x - direction.x * chord.y;
@@ -253,8 +265,7 @@ impl<'a, M: Provable> Curve<'a, M> {
         let mut across = across.intersection(box_across)?;
         // So does the strip along the line from anchor to attachment. Against the chord, which runs
         // from one offset to another, a point of the strip is between their differences.
-        let strip_n = M::offset_n(&self.enclosing, &stretch);
-        if strip_n.is_bounded() {
+        if offset_n.is_bounded() {
             // From taut to slack the chord runs against the line.
             let line = -self.chord();
             let (nx, nz) = (Interval::point(-line.y), Interval::point(line.x));
@@ -266,7 +277,7 @@ impl<'a, M: Provable> Curve<'a, M> {
                 8.0 * f64::EPSILON * hull.force_n.map(Interval::magnitude).sum(),
             );
             if cosine.low() > 0.5 {
-                let width = (-strip_n - ends + line_error) / (Interval::point(size) * cosine);
+                let width = (-offset_n - ends + line_error) / (Interval::point(size) * cosine);
                 across = across.intersection(width)?;
             }
         }
@@ -324,11 +335,11 @@ impl<'a, M: Provable> Curve<'a, M> {
     }
 
     /// A point of the curve between the ends of a piece, near `u` on its chord.
-    pub(super) fn cut(&self, piece: &Piece, u: f64) -> Option<Node> {
+    pub(super) fn cut(&self, piece: &Piece<M::End>, u: f64) -> Option<Node<M::End>> {
         let size = piece.half_chord_n.norm();
         let axis = piece.half_chord_n / size;
         let (a, b) = (&piece.shorter.near, &piece.longer.near);
-        let between = |node: &Node| {
+        let between = |node: &Node<M::End>| {
             let l = node.state.rest_length_m;
             l.low() > piece.shorter.state.rest_length_m.high()
                 && l.high() < piece.longer.state.rest_length_m.low()
@@ -354,7 +365,7 @@ impl<'a, M: Provable> Curve<'a, M> {
 
 /// Where the tangents at the ends of a chord meet, as a part of half the chord from its middle; 0 when
 /// they do not.
-fn apex(shorter: &Node, longer: &Node, half_chord: &Vector2<f64>) -> f64 {
+fn apex<E>(shorter: &Node<E>, longer: &Node<E>, half_chord: &Vector2<f64>) -> f64 {
     let slope = |t: &Vector2<f64>| {
         (t.y * half_chord.x - t.x * half_chord.y) / (t.x * half_chord.x + t.y * half_chord.y)
     };

@@ -20,7 +20,7 @@ use cdpr_core::{CABLES, CableModel, CableState};
 use nalgebra::Vector2;
 use num_traits::Zero;
 
-pub use model::{Provable, Stretch};
+pub use model::{Course, Provable, Shape, Stretch, jacobian_course};
 
 use crate::continuation::Quantity;
 use crate::interval::Interval;
@@ -48,7 +48,7 @@ const END_GROWTH: f64 = 2.0;
 /// A solution that was proven to exist.
 #[derive(Clone, Debug)]
 pub struct Proof {
-    nodes: [Node; CABLES],
+    nodes: [Node<()>; CABLES],
     /// Half lengths of the pieces in which it is the only one, N.
     radii_n: [f64; CABLES],
 }
@@ -107,7 +107,7 @@ pub struct Place {
 }
 
 impl Place {
-    fn of(pieces: &[&Piece; CABLES]) -> Self {
+    fn of<E>(pieces: &[&Piece<E>; CABLES]) -> Self {
         Self {
             states: pieces.map(|piece| {
                 let (a, b) = (&piece.shorter.state, &piece.longer.state);
@@ -197,8 +197,8 @@ pub fn complete<M: Provable>(problem: &Problem<M>) -> Result<Complete, Refusal> 
         let curve = curve(problem, cable);
         let length_m = problem.limits[cable].max_length_m;
         match whole(&curve, tension_n, length_m) {
-            End::Found(piece) => curves.push((curve, *piece)),
-            End::Nothing => {
+            Whole::Found(piece) => curves.push((curve, *piece)),
+            Whole::Nothing => {
                 return Ok(Complete {
                     solutions: Vec::new(),
                     outside: Vec::new(),
@@ -207,7 +207,7 @@ pub fn complete<M: Provable>(problem: &Problem<M>) -> Result<Complete, Refusal> 
                     pieces: 0,
                 });
             }
-            End::Unproven => return Err(Refusal::NoEnd(cable)),
+            Whole::Unproven => return Err(Refusal::NoEnd(cable)),
         }
     }
     let found = Search::new(problem, curves).run();
@@ -261,7 +261,7 @@ fn ball<M: Provable>(
         let (shorter, longer) = (curve.beside(node, -radius_n)?, curve.beside(node, radius_n)?);
         pieces.push(curve.piece(shorter, longer)?);
     }
-    let pieces: [&Piece; CABLES] = std::array::from_fn(|k| &pieces[k]);
+    let pieces: [&Piece<M::End>; CABLES] = std::array::from_fn(|k| &pieces[k]);
     let verdict = examine(&pieces, problem.balance.wrench_n())?;
     if !verdict.is_unique() {
         return None;
@@ -294,28 +294,28 @@ fn curve<M: Provable>(problem: &Problem<M>, cable: usize) -> Curve<'_, M> {
 }
 
 /// The force curve between the limits.
-enum End {
-    Found(Box<Piece>),
+enum Whole<E> {
+    Found(Box<Piece<E>>),
     /// No point of the curve is within the limits.
     Nothing,
     Unproven,
 }
 
-fn whole<M: Provable>(curve: &Curve<'_, M>, tension_n: f64, length_m: f64) -> End {
-    let Some(taut) = taut_end(curve, tension_n) else { return End::Unproven };
+fn whole<M: Provable>(curve: &Curve<'_, M>, tension_n: f64, length_m: f64) -> Whole<M::End> {
+    let Some(taut) = taut_end(curve, tension_n) else { return Whole::Unproven };
     if taut.state.rest_length_m.low() > length_m * (1.0 + BEYOND) {
-        return End::Nothing; // even at this tension it is too long
+        return Whole::Nothing; // even at this tension it is too long
     }
-    let Some(slack) = slack_end(curve, tension_n, length_m) else { return End::Unproven };
+    let Some(slack) = slack_end(curve, tension_n, length_m) else { return Whole::Unproven };
     if slack.state.rest_length_m.high() <= taut.state.rest_length_m.low() {
-        return End::Nothing;
+        return Whole::Nothing;
     }
-    curve.piece(taut, slack).map_or(End::Unproven, |piece| End::Found(Box::new(piece)))
+    curve.piece(taut, slack).map_or(Whole::Unproven, |piece| Whole::Found(Box::new(piece)))
 }
 
 /// A point of the curve so taut that all shorter cables are beyond the limit as well: with falling
 /// length the horizontal force and the pull at the lower end only grow.
-fn taut_end<M: Provable>(curve: &Curve<'_, M>, tension_n: f64) -> Option<Node> {
+fn taut_end<M: Provable>(curve: &Curve<'_, M>, tension_n: f64) -> Option<Node<M::End>> {
     let axis = curve.chord();
     let distance_m = curve.plane.distance_m();
     let weight_n = curve.model.weight_n_m() * distance_m;
@@ -341,7 +341,11 @@ fn taut_end<M: Provable>(curve: &Curve<'_, M>, tension_n: f64) -> Option<Node> {
 
 /// A point of the curve so slack that all longer cables are beyond a limit: the longest cable, or one
 /// that hangs so far down that its own weight breaks it.
-fn slack_end<M: Provable>(curve: &Curve<'_, M>, tension_n: f64, length_m: f64) -> Option<Node> {
+fn slack_end<M: Provable>(
+    curve: &Curve<'_, M>,
+    tension_n: f64,
+    length_m: f64,
+) -> Option<Node<M::End>> {
     let distance_m = curve.plane.distance_m();
     let weight_n_m = curve.model.weight_n_m();
     if weight_n_m <= 0.0 {
@@ -351,7 +355,8 @@ fn slack_end<M: Provable>(curve: &Curve<'_, M>, tension_n: f64, length_m: f64) -
             force_n: Vector2::new(Interval::zero(), Interval::zero()),
             rest_length_m: Interval::around(distance_m, 4.0 * curve.plane_error_m),
         };
-        return Some(Node { near, tangent: -curve.chord(), state });
+        let end = M::end(&curve.enclosing, &state);
+        return Some(Node { near, tangent: -curve.chord(), state, end });
     }
     let mut longest_m = 2.0 * tension_n * (1.0 + BEYOND) / weight_n_m + distance_m;
     for _ in 0..END_ATTEMPTS {

@@ -1,15 +1,17 @@
-//! What a proof needs of a cable model: the same model in intervals, and the direction of its force
-//! curve between two points.
+//! What a proof needs of a cable model: the same model in intervals, and the course of its force curve
+//! between two points.
+
+use std::fmt;
 
 use cdpr_core::{CableModel, CableState, IrvineCatenary, LinearElastic, Parabola, Scalar};
 use nalgebra::Vector2;
-use num_traits::One;
+use num_traits::{One, Zero};
 
 use crate::interval::Interval;
 
 /// Part of a force curve: its two ends, and a box that holds it.
 #[derive(Clone, Copy, Debug)]
-pub struct Stretch<'a> {
+pub struct Stretch<'a, E> {
     /// Attachment relative to the anchor, `(x, z)` in the plane of the cable, m.
     pub span_m: Vector2<Interval>,
     /// The end with the shorter rest length.
@@ -18,44 +20,68 @@ pub struct Stretch<'a> {
     pub longer: &'a CableState<Interval>,
     /// Holds every force and rest length between the two.
     pub hull: CableState<Interval>,
+    /// What the model wanted to keep of the two ends.
+    pub ends: [&'a E; 2],
+}
+
+/// Where a stretch of force curve runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Course {
+    /// A vector along the curve, towards longer cables, of any positive length that may differ from
+    /// point to point: its components enclose those at every point of the stretch.
+    pub direction: Vector2<Interval>,
+    /// The component of the force across the line from anchor to attachment, `(x Fz - z Fx)/d`, at
+    /// every point of the stretch, N. [`Interval::ENTIRE`] when nothing is known of it.
+    pub offset_n: Interval,
 }
 
 /// A cable model with which proofs can be made.
 ///
-/// A model that is written in a generic [`Scalar`] needs only [`Provable::enclosing`].
+/// A model that is written in a generic [`Scalar`] needs only [`Provable::enclosing`], and nothing to
+/// keep: `type End = ()`.
 pub trait Provable: CableModel<f64> {
     /// The same model in interval arithmetic.
     type Enclosing: CableModel<Interval>;
+    /// What [`Provable::course`] wants to know of the ends of a stretch, computed once for each.
+    type End: Copy + fmt::Debug;
 
     /// The model whose parameters are the parameters of this one, as intervals.
     fn enclosing(&self) -> Self::Enclosing;
 
-    /// A vector along the force curve, towards longer cables, of any positive length that may differ
-    /// from point to point: its components enclose those at every point of the stretch.
-    ///
-    /// The default holds for every model, `-adj(K) b` with `K`, `b` the derivative of the end point
-    /// by force and length. On a taut cable it loses the direction unless the stretch is short,
-    /// because `K` changes with the tension; a model that knows better is searched faster.
-    fn direction(model: &Self::Enclosing, stretch: &Stretch<'_>) -> Vector2<Interval> {
-        let j = model.end_point(stretch.hull.force_n, stretch.hull.rest_length_m).jacobian;
-        Vector2::new(j.m12 * j.m23 - j.m13 * j.m22, j.m13 * j.m21 - j.m11 * j.m23)
-    }
+    /// What to keep of a point of the force curve.
+    fn end(model: &Self::Enclosing, state: &CableState<Interval>) -> Self::End;
 
-    /// The component of the force across the line from anchor to attachment, `(x Fz - z Fx)/d`, at
-    /// every point of the stretch, N. The default knows nothing of it.
-    fn offset_n(_model: &Self::Enclosing, _stretch: &Stretch<'_>) -> Interval {
-        Interval::ENTIRE
+    /// Where the force curve runs between two points.
+    ///
+    /// [`jacobian_course`] holds for every model. On a taut cable it loses the direction unless the
+    /// stretch is short; a model that knows better is searched faster.
+    fn course(model: &Self::Enclosing, stretch: &Stretch<'_, Self::End>) -> Course {
+        jacobian_course(model, stretch)
+    }
+}
+
+/// The direction `-adj(K) b` with `K`, `b` the derivative of the end point by force and length.
+pub fn jacobian_course<M: CableModel<Interval>, E>(model: &M, stretch: &Stretch<'_, E>) -> Course {
+    let j = model.end_point(stretch.hull.force_n, stretch.hull.rest_length_m).jacobian;
+    Course {
+        direction: Vector2::new(j.m12 * j.m23 - j.m13 * j.m22, j.m13 * j.m21 - j.m11 * j.m23),
+        offset_n: Interval::ENTIRE,
     }
 }
 
 impl Provable for IrvineCatenary<f64> {
     type Enclosing = IrvineCatenary<Interval>;
+    type End = Shape;
 
     fn enclosing(&self) -> Self::Enclosing {
         IrvineCatenary {
             weight_n_m: Interval::point(self.weight_n_m),
             compliance_per_n: Interval::point(self.compliance_per_n),
         }
+    }
+
+    fn end(model: &Self::Enclosing, state: &CableState<Interval>) -> Shape {
+        Shape::of(model, state)
     }
 
     /// With the force density `m = S/(2L)` as parameter the catenary through two given points is
@@ -81,10 +107,16 @@ impl Provable for IrvineCatenary<f64> {
     /// with `B = 1/((1 - q^2) (1 + sag)^2) = (sinh(t)/t)^2` for `q = tanh t`. `q` and `B` are monotone
     /// along the curve, so their ranges follow from the ends. On a taut cable everything but `x` and `z`
     /// is a small correction: a stretch over any range of tensions has a thin direction.
-    fn direction(model: &Self::Enclosing, stretch: &Stretch<'_>) -> Vector2<Interval> {
+    ///
+    /// With `l = 1/q - 1/atanh(q) = sag/(q (1 + sag))`, which rises with `q`, the offset is
+    ///
+    /// ```text
+    /// (x Fz - z Fx)/d = (x w/(2 d)) (L + z l/P 1/(1 + e/(1 + sag)))
+    /// ```
+    fn course(model: &Self::Enclosing, stretch: &Stretch<'_, Shape>) -> Course {
         let one = Interval::one();
         let length = stretch.hull.rest_length_m;
-        let (a, b) = (Shape::of(model, stretch.shorter), Shape::of(model, stretch.longer));
+        let [a, b] = stretch.ends;
         // e = m L/EA, and both m and L are monotone.
         let strain = a.strain_per_m.hull(b.strain_per_m) * length;
         let (q, sag) = (a.q.hull(b.q), a.sag.hull(b.sag));
@@ -108,30 +140,24 @@ impl Provable for IrvineCatenary<f64> {
             fall / (one + strain * fall)
         };
         let share = at(fall.low()).hull(at(fall.high()));
-        Vector2::new(-(x * bend * x_share * widening), q * length * p.square() * share - z)
-    }
-
-    /// In the same numbers, with `l = 1/q - 1/atanh(q) = sag/(q (1 + sag))`, which rises with `q`:
-    ///
-    /// ```text
-    /// (x Fz - z Fx)/d = (x w/(2 d)) (L + z l/P 1/(1 + e/(1 + sag)))
-    /// ```
-    fn offset_n(model: &Self::Enclosing, stretch: &Stretch<'_>) -> Interval {
-        let one = Interval::one();
-        let length = stretch.hull.rest_length_m;
-        let (a, b) = (Shape::of(model, stretch.shorter), Shape::of(model, stretch.longer));
-        let strain = a.strain_per_m.hull(b.strain_per_m) * length;
-        let langevin = |s: &Shape| s.sag / (s.q * (one + s.sag));
-        let lift = langevin(&a).hull(langevin(&b)) / (one + strain);
-        let lift = lift / (one + strain / (one + a.sag.hull(b.sag)));
-        let (x, z) = (stretch.span_m.x, stretch.span_m.y);
+        let lift = a.langevin.hull(b.langevin) * per_p / (one + strain / (one + sag));
         let (distance, _) = Interval::hypot_with_excess(x, z);
-        Interval::point(0.5) * model.weight_n_m * (x / distance) * (length + z * lift)
+        Course {
+            direction: Vector2::new(
+                -(x * bend * x_share * widening),
+                q * length * p.square() * share - z,
+            ),
+            offset_n: Interval::point(0.5)
+                * model.weight_n_m
+                * (x / distance)
+                * (length + z * lift),
+        }
     }
 }
 
 /// A point of the catenary's force curve in the numbers that are monotone along it.
-struct Shape {
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
     /// `W/S`.
     q: Interval,
     /// `q^2/(1 - q^2)`.
@@ -140,6 +166,8 @@ struct Shape {
     sag: Interval,
     /// `1/((1 - q^2) (1 + sag)^2)`.
     bend: Interval,
+    /// `sag/(q (1 + sag))`.
+    langevin: Interval,
     /// `S/(2 EA L)`, 1/m.
     strain_per_m: Interval,
 }
@@ -163,6 +191,7 @@ impl Shape {
             room: q.square() / open,
             sag,
             bend: one / (open * (one + sag).square()),
+            langevin: sag / (q * (one + sag)),
             strain_per_m: strain / state.rest_length_m,
         }
     }
@@ -170,6 +199,7 @@ impl Shape {
 
 impl Provable for Parabola<f64> {
     type Enclosing = Parabola<Interval>;
+    type End = ();
 
     fn enclosing(&self) -> Self::Enclosing {
         Parabola {
@@ -177,17 +207,46 @@ impl Provable for Parabola<f64> {
             compliance_per_n: Interval::point(self.compliance_per_n),
         }
     }
+
+    fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}
+
+    /// `F - (wL/2) z` points along the chord, so the offset is known, and the direction is that of the
+    /// chord but for the change of the weight with the pull: with `M` the size of that vector,
+    ///
+    /// ```text
+    /// dF/dM  ~  (x, z + (w d/2) dL/dM),      -dL/dM = (chord . K chord)/(chord . (b + (w/2) K z))
+    /// ```
+    fn course(model: &Self::Enclosing, stretch: &Stretch<'_, ()>) -> Course {
+        let half = Interval::point(0.5);
+        let (x, z) = (stretch.span_m.x, stretch.span_m.y);
+        let (distance, _) = Interval::hypot_with_excess(x, z);
+        let half_weight = half * model.weight_n_m;
+        let j = model.end_point(stretch.hull.force_n, stretch.hull.rest_length_m).jacobian;
+        let (cx, cz) = (x / distance, z / distance);
+        let along = cx * (j.m11 * cx + j.m12 * cz) + cz * (j.m21 * cx + j.m22 * cz);
+        let rate = cx * (j.m13 + half_weight * j.m12) + cz * (j.m23 + half_weight * j.m22);
+        // Both are positive: the chord is longer for more pull and for more cable.
+        let positive = Interval::new(0.0, f64::INFINITY);
+        let shortening = along.intersection(positive).unwrap_or(positive) / rate;
+        Course {
+            direction: Vector2::new(-x, half_weight * distance * shortening - z),
+            offset_n: half_weight * cx * stretch.hull.rest_length_m,
+        }
+    }
 }
 
 impl Provable for LinearElastic<f64> {
     type Enclosing = LinearElastic<Interval>;
+    type End = ();
 
     fn enclosing(&self) -> Self::Enclosing {
         LinearElastic { compliance_per_n: Interval::point(self.compliance_per_n) }
     }
 
+    fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}
+
     /// A massless cable pulls along the chord.
-    fn direction(_model: &Self::Enclosing, stretch: &Stretch<'_>) -> Vector2<Interval> {
-        -stretch.span_m
+    fn course(_model: &Self::Enclosing, stretch: &Stretch<'_, ()>) -> Course {
+        Course { direction: -stretch.span_m, offset_n: Interval::zero() }
     }
 }

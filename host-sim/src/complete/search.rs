@@ -39,7 +39,7 @@ const NEAR: f64 = 4.0;
 /// One cable: its curve and the pieces cut so far.
 struct Tree<'a, M: Provable> {
     curve: Curve<'a, M>,
-    pieces: Vec<Piece>,
+    pieces: Vec<Piece<M::End>>,
     cuts: Vec<Cut>,
 }
 
@@ -71,7 +71,7 @@ impl<M: Provable> Tree<'_, M> {
         }
     }
 
-    fn parts(&self, index: usize, u: f64) -> Option<[Piece; 2]> {
+    fn parts(&self, index: usize, u: f64) -> Option<[Piece<M::End>; 2]> {
         let piece = &self.pieces[index];
         let node = self.curve.cut(piece, u)?;
         Some([self.curve.piece(piece.shorter, node)?, self.curve.piece(node, piece.longer)?])
@@ -80,7 +80,8 @@ impl<M: Provable> Tree<'_, M> {
     /// The part of a piece that holds all its points with `u` in the range `low..=high`, when it is
     /// only one of the two.
     fn part_around(&mut self, index: usize, (low, high): (f64, f64)) -> Option<usize> {
-        let piece = self.pieces[index];
+        let piece = &self.pieces[index];
+        let apex = piece.apex;
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low));
         if !piece.slope.is_finite() || radius > 0.75 {
             return None; // `u` need not rise along the piece, or the range is too wide
@@ -89,10 +90,10 @@ impl<M: Provable> Tree<'_, M> {
         let margin = 2.0 * radius + CUT_BESIDE;
         let beside = if center > 0.0 { center - margin } else { center + margin };
         let inside = center.abs() + margin < 1.0 && radius < NARROW;
-        let first = self.cut(index, if inside { beside } else { piece.apex })?;
+        let first = self.cut(index, if inside { beside } else { apex })?;
         // Where the cut lies along the chord, on either side of its size.
         let node = &self.pieces[first].longer;
-        let u = piece.coordinate(node);
+        let u = self.pieces[index].coordinate(node);
         if high < u.low() {
             Some(first)
         } else if low > u.high() {
@@ -103,9 +104,9 @@ impl<M: Provable> Tree<'_, M> {
     }
 }
 
-impl Piece {
+impl<E> Piece<E> {
     /// Coordinate `u` of a point of its curve, in half chords from the middle.
-    fn coordinate(&self, node: &Node) -> Interval {
+    fn coordinate(&self, node: &Node<E>) -> Interval {
         let chord = self.half_chord_n.map(Interval::point);
         let offset = node.state.force_n - self.center_n.map(Interval::point);
         (offset.x * chord.x + offset.y * chord.y) / (chord.x.square() + chord.y.square())
@@ -138,7 +139,7 @@ pub(super) struct Search<'a, M: Provable> {
 
 impl<'a, M: Provable> Search<'a, M> {
     /// A search over the stretches between the given nodes.
-    pub(super) fn new(problem: &'a Problem<M>, curves: Vec<(Curve<'a, M>, Piece)>) -> Self {
+    pub(super) fn new(problem: &'a Problem<M>, curves: Vec<(Curve<'a, M>, Piece<M::End>)>) -> Self {
         let trees = curves
             .into_iter()
             .map(|(curve, root)| Tree { curve, pieces: vec![root], cuts: vec![Cut::Whole] })
@@ -162,7 +163,7 @@ impl<'a, M: Provable> Search<'a, M> {
         self.found
     }
 
-    fn pieces(&self, candidate: &Box6) -> [&Piece; CABLES] {
+    fn pieces(&self, candidate: &Box6) -> [&Piece<M::End>; CABLES] {
         std::array::from_fn(|i| &self.trees[i].pieces[candidate[i]])
     }
 
@@ -282,7 +283,7 @@ impl<'a, M: Provable> Search<'a, M> {
 
     /// Whether a box, extended to the solution at `nodes` where that lies outside, has at most one
     /// solution, which is this one then.
-    fn covers(&self, candidate: &Box6, nodes: &[Node; CABLES]) -> bool {
+    fn covers(&self, candidate: &Box6, nodes: &[Node<()>; CABLES]) -> bool {
         let mut extended = self.pieces(candidate).map(|p| *p);
         let mut changed = false;
         for (k, node) in nodes.iter().enumerate() {
@@ -346,7 +347,7 @@ impl<'a, M: Provable> Search<'a, M> {
             let longer = tree.curve.beside(&node, radius_n)?;
             pieces.push(tree.curve.piece(shorter, longer)?);
         }
-        let pieces: [&Piece; CABLES] = std::array::from_fn(|k| &pieces[k]);
+        let pieces: [&Piece<M::End>; CABLES] = std::array::from_fn(|k| &pieces[k]);
         let verdict = examine(&pieces, wrench_n)?;
         if !(verdict.is_unique() && verdict.maps_inside(&pieces)) {
             return None;
@@ -364,7 +365,8 @@ impl<'a, M: Provable> Search<'a, M> {
             let radius_n = verdict.radius[k] * size_n;
             let rounding_n = 16.0 * f64::EPSILON * (near.force_n.amax() + size_n);
             let along = Interval::around(left, radius_n + rounding_n);
-            nodes.push(curve.node_along(near, axis, along)?);
+            let node = curve.node_along(near, axis, along)?;
+            nodes.push(Node { near, tangent: axis, state: node.state, end: () });
         }
         Some(Proof {
             nodes: nodes.try_into().ok()?,
@@ -375,7 +377,7 @@ impl<'a, M: Provable> Search<'a, M> {
 
 impl<M: Provable> Curve<'_, M> {
     /// A proven point of the curve about `step_n` further along it.
-    pub(super) fn beside(&self, node: &Node, step_n: f64) -> Option<Node> {
+    pub(super) fn beside<E>(&self, node: &Node<E>, step_n: f64) -> Option<Node<M::End>> {
         let axis = node.tangent;
         let guess = CableState { force_n: node.near.force_n + axis * step_n, ..node.near };
         let target_n = node.near.force_n.dot(&axis) + step_n;

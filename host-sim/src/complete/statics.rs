@@ -48,7 +48,7 @@ pub(super) struct Verdict {
 pub(super) type Ranges = [(f64, f64); CABLES];
 
 /// Bound on the error of a component of the sum of all wrenches of a box, N.
-fn rounding_n(pieces: &[&Piece; CABLES], wrench_n: &Vector6<f64>) -> f64 {
+fn rounding_n<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) -> f64 {
     let mut size_n = wrench_n.amax();
     let mut error_n = 0.0;
     for piece in pieces {
@@ -64,7 +64,7 @@ fn rounding_n(pieces: &[&Piece; CABLES], wrench_n: &Vector6<f64>) -> f64 {
 ///
 /// It does not depend on the inverse of a matrix: it decides where the chords are nearly dependent,
 /// as four slack cables always are, and bounds each tension by the load.
-pub(super) fn narrow(pieces: &[&Piece; CABLES], wrench_n: &Vector6<f64>) -> Option<Ranges> {
+pub(super) fn narrow<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) -> Option<Ranges> {
     let error_n = rounding_n(pieces, wrench_n);
     let mut ranges: Ranges = pieces.map(|p| (-p.reach, p.reach));
     for _ in 0..SWEEPS {
@@ -109,7 +109,7 @@ pub(super) fn narrow(pieces: &[&Piece; CABLES], wrench_n: &Vector6<f64>) -> Opti
 }
 
 /// Examines a box; `None` when the chords are linearly dependent.
-pub(super) fn examine(pieces: &[&Piece; CABLES], wrench_n: &Vector6<f64>) -> Option<Verdict> {
+pub(super) fn examine<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) -> Option<Verdict> {
     let mut imbalance = *wrench_n;
     for piece in pieces {
         imbalance += piece.center_wrench;
@@ -171,7 +171,7 @@ impl Verdict {
     }
 
     /// Whether the box is mapped into its inside. A piece reaches `2 - reach` at least.
-    pub(super) fn maps_inside(&self, pieces: &[&Piece; CABLES]) -> bool {
+    pub(super) fn maps_inside<E>(&self, pieces: &[&Piece<E>; CABLES]) -> bool {
         (0..CABLES).all(|k| self.center[k].abs() + self.radius[k] < 2.0 - pieces[k].reach)
     }
 }
