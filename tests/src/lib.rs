@@ -1,4 +1,8 @@
-//! Golden data, and the one table of tolerances that the tests across the crates share.
+//! Golden data, independent methods, and the one table of tolerances that the tests across the crates
+//! share.
+
+pub mod multistart;
+pub mod random;
 
 use std::collections::BTreeMap;
 
