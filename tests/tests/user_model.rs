@@ -4,6 +4,7 @@
 mod rope;
 
 use cdpr_core::{CableModel, IrvineCatenary, Pose};
+use cdpr_host_sim::complete::complete;
 use cdpr_host_sim::continuation::{BranchEnd, direct, inverse};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::rigid::RigidSolutions;
@@ -60,4 +61,10 @@ fn all_of_the_library_works_with_it() {
     let [branch] = &branches[..] else { panic!("one branch") };
     let BranchEnd::Solution(solution) = &branch.end else { panic!("{branch}") };
     assert_eq!(inverse(&problem, &rigid.solutions, solution), Some(branch.origin));
+
+    // All solutions, with a proof.
+    let found = complete(&problem).expect("a search");
+    assert!(found.undecided.is_empty());
+    let [proof] = &found.solutions[..] else { panic!("one solution") };
+    assert!(proof.holds(&solution.states));
 }

@@ -19,7 +19,7 @@ mod tension_profile;
 pub use irvine::IrvineCatenary;
 pub use linear_elastic::LinearElastic;
 pub use non_deformable::NonDeformable;
-pub use parabola::Parabola;
+pub use parabola::{MeanTension, Parabola};
 
 use nalgebra::{Matrix2x3, Vector2};
 
@@ -42,6 +42,9 @@ pub struct EndPoint<T: Scalar> {
 ///   positive diagonal and a determinant that is not negative.
 /// - Results are finite wherever the tension vanishes nowhere along the cable, exactly vertical
 ///   cables included.
+/// - Along the force curve of fixed ends `(x, z)`, `x > 0`, as `L` grows: `Fx` falls; for `z <= 0` `Fz`
+///   rises, for `z >= 0` `Fz - wL` falls; and `0 <= x Fz - z Fx <= w L x`, the moment of the weight about
+///   the anchor. Proofs of completeness rest on this.
 /// - At `s -> 0`, [`at_deformation`](Self::at_deformation) approaches [`NonDeformable`] (the
 ///   paper's assumption 3, section 2).
 pub trait CableModel<T: Scalar>: Copy {

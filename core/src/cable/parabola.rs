@@ -32,11 +32,12 @@ pub struct Parabola<T> {
 }
 
 /// Mean tension of a parabolic cable and its derivatives.
-struct MeanTension<T: Scalar> {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeanTension<T: Scalar> {
     /// `T_m`, N.
-    mean_n: T,
+    pub mean_n: T,
     /// `d T_m / dF`.
-    by_force: Vector2<T>,
+    pub by_force: Vector2<T>,
     /// `d T_m / dW + c/2`: what is left when `M` instead of `F` is held.
     by_weight: T,
     /// `T_m - M_x dT_m/dFx` and `T_m - M_z dT_m/dFz`, N, as sums of terms of one sign.
@@ -49,7 +50,8 @@ impl<T: Scalar> Parabola<T> {
     /// `T_m = (1/W) int T dT_z` has `dT_m/dFx = Fx (2/S) atanh(q)/q`, `dT_m/dFz = c` and
     /// `dT_m/dW = (T_A - T_m)/W`; the last cancels and is written with the tail of the series.
     #[inline]
-    fn mean_tension(force_n: Vector2<T>, weight_n: T) -> MeanTension<T> {
+    #[must_use]
+    pub fn mean_tension(force_n: Vector2<T>, weight_n: T) -> MeanTension<T> {
         let one = T::one();
         let quarter = T::constant(0.25);
         let p = TensionProfile::new(force_n, weight_n);

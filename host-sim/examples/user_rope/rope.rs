@@ -10,7 +10,9 @@
 //!
 //! with `u` measured from the attachment and `c(T) = strain / T` the secant compliance.
 
-use cdpr_core::{CableModel, EndPoint, IrvineCatenary, Scalar};
+use cdpr_core::{CableModel, CableState, EndPoint, IrvineCatenary, Scalar};
+use cdpr_host_sim::complete::Provable;
+use cdpr_host_sim::interval::Interval;
 use nalgebra::{Matrix2, Vector2};
 
 /// A fibre rope: strain `c0 T / (1 + T/T0)`, which rises with the tension towards the limit `c0 T0`.
@@ -81,4 +83,20 @@ impl<T: Scalar> CableModel<T> for StiffeningRope<T> {
             stiffening_n: self.stiffening_n,
         }
     }
+}
+
+/// With this the solutions can be proven, too: the rope in interval arithmetic is the same source.
+impl Provable for StiffeningRope<f64> {
+    type Enclosing = StiffeningRope<Interval>;
+    type End = ();
+
+    fn enclosing(&self) -> Self::Enclosing {
+        StiffeningRope {
+            weight_n_m: Interval::point(self.weight_n_m),
+            compliance_per_n: Interval::point(self.compliance_per_n),
+            stiffening_n: Interval::point(self.stiffening_n),
+        }
+    }
+
+    fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}
 }

@@ -60,12 +60,18 @@ pub trait Provable: CableModel<f64> {
     }
 }
 
-/// The direction `-adj(K) b` with `K`, `b` the derivative of the end point by force and length.
+/// The course of any cable: its direction is `-adj(K) b` with `K`, `b` the derivative of the end point
+/// by force and length, and its offset is `W/d` times the distance of its centre of gravity from the
+/// anchor, somewhere between 0 and `x` (the moments about the anchor are in balance).
 pub fn jacobian_course<M: CableModel<Interval>, E>(model: &M, stretch: &Stretch<'_, E>) -> Course {
-    let j = model.end_point(stretch.hull.force_n, stretch.hull.rest_length_m).jacobian;
+    let CableState { force_n, rest_length_m } = stretch.hull;
+    let j = model.end_point(force_n, rest_length_m).jacobian;
+    let (x, z) = (stretch.span_m.x, stretch.span_m.y);
+    let (distance, _) = Interval::hypot_with_excess(x, z);
+    let moment = model.weight_n_m() * rest_length_m * x * Interval::new(0.0, 1.0);
     Course {
         direction: Vector2::new(j.m12 * j.m23 - j.m13 * j.m22, j.m13 * j.m21 - j.m11 * j.m23),
-        offset_n: Interval::ENTIRE,
+        offset_n: moment / distance,
     }
 }
 
@@ -210,28 +216,38 @@ impl Provable for Parabola<f64> {
 
     fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}
 
-    /// `F - (wL/2) z` points along the chord, so the offset is known, and the direction is that of the
-    /// chord but for the change of the weight with the pull: with `M` the size of that vector,
+    /// `F - (wL/2) z` points along the chord, so the offset is known. Its size `M` falls as the cable
+    /// gets longer; with `g = dT_m/dM` at fixed weight,
     ///
     /// ```text
-    /// dF/dM  ~  (x, z + (w d/2) dL/dM),      -dL/dM = (chord . K chord)/(chord . (b + (w/2) K z))
+    /// dF/dL = -r (x, z)/d + (w/2) z,      r = (M/L) (g M/T_m^2 + 1/EA)/((1 - g M/T_m)/T_m + 1/EA)
     /// ```
+    ///
+    /// `1/T_m = d/(L M) - 1/EA`, because the cable ends where it should.
     fn course(model: &Self::Enclosing, stretch: &Stretch<'_, ()>) -> Course {
-        let half = Interval::point(0.5);
+        let one = Interval::one();
         let (x, z) = (stretch.span_m.x, stretch.span_m.y);
         let (distance, _) = Interval::hypot_with_excess(x, z);
-        let half_weight = half * model.weight_n_m;
-        let j = model.end_point(stretch.hull.force_n, stretch.hull.rest_length_m).jacobian;
         let (cx, cz) = (x / distance, z / distance);
-        let along = cx * (j.m11 * cx + j.m12 * cz) + cz * (j.m21 * cx + j.m22 * cz);
-        let rate = cx * (j.m13 + half_weight * j.m12) + cz * (j.m23 + half_weight * j.m22);
-        // Both are positive: the chord is longer for more pull and for more cable.
+        let half_weight = Interval::point(0.5) * model.weight_n_m;
+        let CableState { force_n, rest_length_m } = stretch.hull;
+        let pull = force_n.x / cx;
+        let mean = Parabola::mean_tension(force_n, model.weight_n_m * rest_length_m);
+        let growth = mean.by_force.x * cx + mean.by_force.y * cz;
         let positive = Interval::new(0.0, f64::INFINITY);
-        let shortening = along.intersection(positive).unwrap_or(positive) / rate;
-        Course {
-            direction: Vector2::new(-x, half_weight * distance * shortening - z),
-            offset_n: half_weight * cx * stretch.hull.rest_length_m,
-        }
+        let part = |i: Interval| i.intersection(positive).unwrap_or(positive);
+        let by_closing = distance / (rest_length_m * pull) - model.compliance_per_n;
+        let per_mean = (one / mean.mean_n).intersection(by_closing).unwrap_or(by_closing);
+        let turn = part(growth) * pull * per_mean;
+        let rate = pull / rest_length_m * (turn * per_mean + model.compliance_per_n)
+            / (part(one - turn) * per_mean + model.compliance_per_n);
+        // Divided by the larger of the two parts.
+        let direction = if rate.magnitude() < half_weight.magnitude() {
+            Vector2::new(-(rate * cx), half_weight - rate * cz)
+        } else {
+            Vector2::new(-cx, half_weight / rate - cz)
+        };
+        Course { direction, offset_n: half_weight * cx * rest_length_m }
     }
 }
 

@@ -24,7 +24,8 @@ const LEAST_PIECE: f64 = 1e-7;
 const LEAST_FORCE: f64 = 1e-3;
 /// Newton's method from the middle of a box.
 const NEWTON_STEPS: u32 = 16;
-const CONVERGED: f64 = 1e-11;
+/// Relative; what rounding leaves of long slack cables is more than in the cables at work.
+const CONVERGED: f64 = 1e-8;
 /// Radius of the box in which a solution is proven, relative to its forces; smaller ones are tried.
 const PROOF_RADIUS: f64 = 1e-5;
 const PROOF_SHRINK: f64 = 0.1;
