@@ -3,7 +3,7 @@
 
 use cdpr_core::{CABLES, CableState, IrvineCatenary};
 use cdpr_host_sim::continuation::{Branch, BranchEnd};
-use cdpr_host_sim::enumerate::Request;
+use cdpr_host_sim::enumerate::{Method, Options, Request};
 use cdpr_host_sim::rigid::RigidSolutions;
 use cdpr_tests::multistart::{self, Found};
 use cdpr_tests::{SolutionCase, paper_cases, random, random_cases, random_tests, tolerance};
@@ -72,13 +72,14 @@ fn solutions_without_a_rigid_origin_are_found() {
 /// The oracle misses nothing that continuation finds, and what it finds adds up to the degree of the
 /// pose: it could only miss whole pairs.
 fn assert_found(request: &Request, case: u64) {
-    let answer = request.enumerate(false).expect("a valid pose");
+    let options = Options { method: Method::Continuation, ..Options::default() };
+    let answer = request.enumerate(options).expect("a valid pose");
     // One of a pair may lie beyond a limit, so the degree is that of all solutions.
     let (rigid, found) = found(&random::without_limits(request.clone()), case);
     for continued in &answer.solutions {
         let states = &continued.solution.states;
         let same = found.iter().filter(|found| multistart::are_same(&found.states, states));
-        assert_eq!(same.count(), 1, "case {case}, from {}", continued.solution.origin);
+        assert_eq!(same.count(), 1, "case {case}, from {:?}", continued.origin);
     }
     // Next to singular poses there are solutions of hundreds of kilometres, far from all starts.
     let beyond = |branch: &Branch| matches!(branch.end, BranchEnd::BeyondLimit { .. });
