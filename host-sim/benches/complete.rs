@@ -81,13 +81,13 @@ fn report<'a>(title: &str, poses: impl Iterator<Item = &'a Pose>) {
     let line = |name: &str, value: &dyn Fn(&Pose) -> f64| {
         let mut values: Vec<f64> = poses.iter().map(|p| value(p)).collect();
         values.sort_by(f64::total_cmp);
-        let quantile = |q: f64| values[((values.len() - 1) as f64 * q).round() as usize];
+        let quantile = |percent: usize| values[(values.len() - 1) * percent / 100];
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         println!(
             "  {name:<24} mean {mean:9.1}  median {:9.1}  99 % {:9.1}  largest {:9.1}",
-            quantile(0.5),
-            quantile(0.99),
-            quantile(1.0)
+            quantile(50),
+            quantile(99),
+            quantile(100)
         );
     };
     line("complete, us", &|p| p.complete_us);

@@ -47,8 +47,9 @@ fn without_arguments_it_shows_the_five_solutions() {
     assert!(text.contains("Deformable cables: 5 solutions, degree -1"), "{text}");
     assert!(text.contains("4103.07"), "{text}");
     for set in ["none", "[3]", "[6]", "[3,5]", "[4,6]"] {
-        assert!(text.contains(&format!("from rigid slack set {set}:")), "{text}");
+        assert!(text.contains(&format!("from rigid slack set {set}, proven to")), "{text}");
     }
+    assert!(text.contains("Complete, proven: each exists, and there are no others"), "{text}");
 }
 
 #[test]
@@ -57,7 +58,13 @@ fn json_has_the_documented_fields() {
     let answer: Value = serde_json::from_str(&stdout(&cdpr(&arguments).success())).expect("JSON");
     assert_eq!(answer["rigid"][0]["slack"], serde_json::json!([4]));
     assert_eq!(answer["rigid"][0]["forces_n"].as_array().map(Vec::len), Some(6));
-    assert_eq!(answer["degree"], serde_json::json!({"rigid": -1, "deformable": -1}));
+    let degree = serde_json::json!({"rigid": -1, "deformable": -1, "continuation": -1});
+    assert_eq!(answer["degree"], degree);
+    assert_eq!(answer["method"], "both");
+    assert_eq!(answer["complete"], true);
+    assert_eq!(answer["undecided"], serde_json::json!([]));
+    assert_eq!(answer["differences"], serde_json::json!([]));
+    assert!(answer["search"]["boxes"].as_u64().is_some_and(|boxes| boxes > 0));
     let solution = &answer["solutions"][0];
     for field in ["lengths_m", "horizontal_forces_n", "vertical_forces_n"] {
         assert_eq!(solution[field].as_array().map(Vec::len), Some(6), "{field}");
@@ -67,6 +74,42 @@ fn json_has_the_documented_fields() {
     assert_eq!(solution["det_sign"], -1);
     assert!(solution["condition"].as_f64().is_some_and(|c| c > 1.0));
     assert!((solution["lengths_m"][3].as_f64().unwrap() - 165.251_124_791_726).abs() < 1e-6);
+    assert_eq!(solution["proved"], true);
+    let radii = solution["length_radii_m"].as_array().expect("six radii");
+    assert!(radii.len() == 6 && radii.iter().all(|r| r.as_f64().is_some_and(|r| r < 1e-6)));
+    let number = |field: &str| solution["kantorovich"][field].as_f64().expect(field);
+    let h = number("beta") * number("eta_n") * number("omega_per_n");
+    assert!((number("h") / h - 1.0).abs() < 1e-12 && h < 0.5);
+    assert!(number("existence_radius_n") < number("uniqueness_radius_n"));
+}
+
+#[test]
+fn a_solution_without_rigid_origin_is_found_and_explained() {
+    let pose = "3.7647115686606005,16.85687014836569,3.958746955731745";
+    let question = ["enumerate", "--position", pose, "--mass", "10"];
+    let text = stdout(&cdpr(&question).success());
+    assert!(text.contains("Non-deformable cables: no solution"), "{text}");
+    assert!(text.contains("Deformable cables: 2 solutions, degree 0"), "{text}");
+    assert!(text.contains("solution 1 has no rigid origin"), "{text}");
+    assert!(text.contains("Solution 2, without a rigid origin, proven to"), "{text}");
+    let by_continuation = [&question[..], &["--method", "continuation"]].concat();
+    let text = stdout(&cdpr(&by_continuation).success());
+    assert!(text.contains("Deformable cables: no solution"), "{text}");
+    let by_search = [&question[..], &["--method", "complete"]].concat();
+    let text = stdout(&cdpr(&by_search).success());
+    assert!(text.contains("2 solutions, degree 0") && !text.contains("branch"), "{text}");
+}
+
+#[test]
+fn without_a_tension_limit_it_does_not_claim_to_be_complete() {
+    let folder = TempDir::new().expect("a folder");
+    let unlimited = CRANE.replace("max_tension_n = 50000.0", "max_tension_n = inf");
+    assert_ne!(unlimited, CRANE);
+    let robot = file(&folder, "robot.toml", &unlimited);
+    let question = ["enumerate", "--robot", &robot, "--position", "4,7,2"];
+    let text = stdout(&cdpr(&question).success());
+    assert!(text.contains("1 solution, degree -1"), "{text}");
+    assert!(text.contains("Not complete: cable 1: no tension limit"), "{text}");
 }
 
 #[test]
