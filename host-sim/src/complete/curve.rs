@@ -103,6 +103,11 @@ impl<'a, M: Provable> Curve<'a, M> {
         curve.is_finite().then_some(curve)
     }
 
+    /// Direction of the curve near `state`, towards longer cables.
+    pub(super) fn tangent(&self, state: &CableState<f64>) -> Option<Vector2<f64>> {
+        Some(self.linearised(state)?.tangent)
+    }
+
     /// A point of the curve near `guess` where the force along the unit vector `axis` is `target_n`
     /// (but for what Newton leaves, which does not matter).
     pub(super) fn approach(

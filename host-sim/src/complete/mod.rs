@@ -258,8 +258,8 @@ fn ball<M: Provable>(
 ) -> Option<Kantorovich> {
     let mut pieces = Vec::with_capacity(CABLES);
     for (curve, node) in curves.iter().zip(&proof.nodes) {
-        let (shorter, longer) = (curve.beside(node, -radius_n)?, curve.beside(node, radius_n)?);
-        pieces.push(curve.piece(shorter, longer)?);
+        let beside = |step_n: f64| curve.beside(&node.near, node.tangent, step_n);
+        pieces.push(curve.piece(beside(-radius_n)?, beside(radius_n)?)?);
     }
     let pieces: [&Piece<M::End>; CABLES] = std::array::from_fn(|k| &pieces[k]);
     let verdict = examine(&pieces, problem.balance.wrench_n())?;

@@ -5,7 +5,7 @@
 //! settled by finding it; any other is cut where that helps most.
 
 use cdpr_core::{CABLES, CableState, newton};
-use nalgebra::Vector6;
+use nalgebra::{Vector2, Vector6};
 
 use super::curve::{Curve, Node, Piece};
 use super::model::Provable;
@@ -32,76 +32,117 @@ const PROOF_SHRINK: f64 = 0.1;
 const PROOF_ATTEMPTS: usize = 4;
 /// Distance of a cut from the range that it separates, in half chords, at least.
 const CUT_BESIDE: f64 = 1e-6;
-/// A range of this radius, in half chords, decides where a piece is cut.
+/// A range of this radius, in half chords, decides where a stretch is cut.
 const NARROW: f64 = 0.1;
+/// A range of this radius may lie within one part of a stretch.
+const WIDE: f64 = 0.75;
 /// A solution further than this from a box, in half chords, is not looked for by extending it.
 const NEAR: f64 = 4.0;
 
-/// One cable: its curve and the pieces cut so far.
+/// One cable: its curve and the stretches of it that were cut so far.
 struct Tree<'a, M: Provable> {
     curve: Curve<'a, M>,
-    pieces: Vec<Piece<M::End>>,
-    cuts: Vec<Cut>,
+    stretches: Vec<Stretch<M::End>>,
+}
+
+/// A stretch of a force curve in its tree.
+struct Stretch<E> {
+    shorter: Node<E>,
+    longer: Node<E>,
+    /// Enclosed when a box first asks for it; `None` as well when that failed.
+    piece: Option<Box<Piece<E>>>,
+    cut: Cut,
+}
+
+impl<E> Stretch<E> {
+    fn between(shorter: Node<E>, longer: Node<E>) -> Self {
+        Self { shorter, longer, piece: None, cut: Cut::Whole }
+    }
 }
 
 #[derive(Clone, Copy)]
 enum Cut {
     /// Not tried yet.
     Whole,
-    /// Into the piece with this index and the next one.
+    /// Into the stretch with this index and the next one.
     Into(usize),
     /// No point between the ends could be proven.
     Refused,
 }
 
-impl<M: Provable> Tree<'_, M> {
-    /// The two parts of a piece: index of the first, the second follows it.
+impl<'a, M: Provable> Tree<'a, M> {
+    fn new(curve: Curve<'a, M>, root: Piece<M::End>) -> Self {
+        let mut whole = Stretch::between(root.shorter, root.longer);
+        whole.piece = Some(Box::new(root));
+        Self { curve, stretches: vec![whole] }
+    }
+
+    /// The piece of a stretch of which [`Tree::enclose`] has said that there is one.
+    fn piece(&self, index: usize) -> &Piece<M::End> {
+        self.stretches[index].piece.as_ref().expect("boxes are made of enclosed stretches")
+    }
+
+    /// Encloses a stretch; whether that is possible.
+    fn enclose(&mut self, index: usize) -> bool {
+        let stretch = &self.stretches[index];
+        if stretch.piece.is_none() {
+            let piece = self.curve.piece(stretch.shorter, stretch.longer);
+            self.stretches[index].piece = piece.map(Box::new);
+        }
+        self.stretches[index].piece.is_some()
+    }
+
+    /// The two parts of a stretch, cut near `u` when it is still whole: index of the first, the second
+    /// follows it.
     fn cut(&mut self, index: usize, u: f64) -> Option<usize> {
-        match self.cuts[index] {
+        match self.stretches[index].cut {
             Cut::Into(first) => Some(first),
             Cut::Refused => None,
             Cut::Whole => {
-                let first = self.pieces.len();
-                let parts = (first < MAX_PIECES).then(|| self.parts(index, u)).flatten();
-                self.cuts[index] = if parts.is_some() { Cut::Into(first) } else { Cut::Refused };
-                let parts = parts?;
-                self.pieces.extend(parts);
-                self.cuts.extend([Cut::Whole; 2]);
+                let first = self.stretches.len();
+                let room = first < MAX_PIECES;
+                let node = if room { self.curve.cut(self.piece(index), u) } else { None };
+                self.stretches[index].cut =
+                    if node.is_some() { Cut::Into(first) } else { Cut::Refused };
+                let node = node?;
+                let Stretch { shorter, longer, .. } = self.stretches[index];
+                self.stretches.push(Stretch::between(shorter, node));
+                self.stretches.push(Stretch::between(node, longer));
                 Some(first)
             }
         }
     }
 
-    fn parts(&self, index: usize, u: f64) -> Option<[Piece<M::End>; 2]> {
-        let piece = &self.pieces[index];
-        let node = self.curve.cut(piece, u)?;
-        Some([self.curve.piece(piece.shorter, node)?, self.curve.piece(node, piece.longer)?])
+    /// Both parts of a stretch, cut at the apex, enclosed.
+    fn halves(&mut self, index: usize) -> Option<[usize; 2]> {
+        let first = self.cut(index, self.piece(index).apex)?;
+        (self.enclose(first) && self.enclose(first + 1)).then_some([first, first + 1])
     }
 
-    /// The part of a piece that holds all its points with `u` in the range `low..=high`, when it is
+    /// The part of a stretch that holds all its points with `u` in the range `low..=high`, when it is
     /// only one of the two.
     fn part_around(&mut self, index: usize, (low, high): (f64, f64)) -> Option<usize> {
-        let piece = &self.pieces[index];
-        let apex = piece.apex;
+        let piece = self.piece(index);
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low));
-        if !piece.slope.is_finite() || radius > 0.75 {
+        if !piece.slope.is_finite() || radius > WIDE {
             return None; // `u` need not rise along the piece, or the range is too wide
         }
-        // A piece that is still whole is cut beside the range, where it leaves less.
+        // A stretch that is still whole is cut beside the range, where it leaves less.
         let margin = 2.0 * radius + CUT_BESIDE;
         let beside = if center > 0.0 { center - margin } else { center + margin };
         let inside = center.abs() + margin < 1.0 && radius < NARROW;
-        let first = self.cut(index, if inside { beside } else { apex })?;
+        let at = if inside { beside } else { piece.apex };
+        let first = self.cut(index, at)?;
         // Where the cut lies along the chord, on either side of its size.
-        let node = &self.pieces[first].longer;
-        let u = self.pieces[index].coordinate(node);
-        if high < u.low() {
-            Some(first)
+        let u = self.piece(index).coordinate(&self.stretches[first].longer);
+        let part = if high < u.low() {
+            first
         } else if low > u.high() {
-            Some(first + 1)
+            first + 1
         } else {
-            None
-        }
+            return None;
+        };
+        self.enclose(part).then_some(part)
     }
 }
 
@@ -141,10 +182,7 @@ pub(super) struct Search<'a, M: Provable> {
 impl<'a, M: Provable> Search<'a, M> {
     /// A search over the stretches between the given nodes.
     pub(super) fn new(problem: &'a Problem<M>, curves: Vec<(Curve<'a, M>, Piece<M::End>)>) -> Self {
-        let trees = curves
-            .into_iter()
-            .map(|(curve, root)| Tree { curve, pieces: vec![root], cuts: vec![Cut::Whole] })
-            .collect();
+        let trees = curves.into_iter().map(|(curve, root)| Tree::new(curve, root)).collect();
         let least_n = LEAST_FORCE * problem.balance.wrench_n().amax();
         let found = Found { proofs: Vec::new(), undecided: Vec::new(), boxes: 0, pieces: 0 };
         Self { problem, trees, least_n, found }
@@ -160,12 +198,16 @@ impl<'a, M: Provable> Search<'a, M> {
             self.found.boxes += 1;
             self.treat(candidate, &mut stack);
         }
-        self.found.pieces = self.trees.iter().map(|t| t.pieces.len()).sum();
+        self.found.pieces = self
+            .trees
+            .iter()
+            .map(|t| t.stretches.iter().filter(|s| s.piece.is_some()).count())
+            .sum();
         self.found
     }
 
     fn pieces(&self, candidate: &Box6) -> [&Piece<M::End>; CABLES] {
-        std::array::from_fn(|i| &self.trees[i].pieces[candidate[i]])
+        std::array::from_fn(|i| self.trees[i].piece(candidate[i]))
     }
 
     fn treat(&mut self, candidate: Box6, stack: &mut Vec<Box6>) {
@@ -215,13 +257,11 @@ impl<'a, M: Provable> Search<'a, M> {
         let mut order: [usize; CABLES] = std::array::from_fn(|i| i);
         order.sort_by(|&i, &j| share[j].total_cmp(&share[i]));
         for k in order {
-            let piece = &self.trees[k].pieces[candidate[k]];
-            let apex = piece.apex;
-            if piece.relative_size(self.least_n) < LEAST_PIECE {
+            if self.trees[k].piece(candidate[k]).relative_size(self.least_n) < LEAST_PIECE {
                 continue;
             }
-            if let Some(first) = self.trees[k].cut(candidate[k], apex) {
-                for part in [first, first + 1] {
+            if let Some(halves) = self.trees[k].halves(candidate[k]) {
+                for part in halves {
                     let mut half = candidate;
                     half[k] = part;
                     stack.push(half);
@@ -300,7 +340,7 @@ impl<'a, M: Provable> Search<'a, M> {
             // A point of the curve beyond the solution, as far from it as rounding needs.
             let beyond = |towards: f64| {
                 let step = 1e-6 * (node.near.force_n.norm() + self.least_n) * towards;
-                curve.beside(node, step)
+                curve.beside(&node.near, node.tangent, step)
             };
             let piece = if length.middle() < shorter.near.rest_length_m {
                 beyond(-1.0).and_then(|end| curve.piece(end, longer))
@@ -343,9 +383,9 @@ impl<'a, M: Provable> Search<'a, M> {
         let mut pieces = Vec::with_capacity(CABLES);
         for (tree, state) in self.trees.iter().zip(solution) {
             let radius_n = relative * (state.force_n.norm() + self.least_n);
-            let node = tree.curve.node(*state)?;
-            let shorter = tree.curve.beside(&node, -radius_n)?;
-            let longer = tree.curve.beside(&node, radius_n)?;
+            let tangent = tree.curve.tangent(state)?;
+            let shorter = tree.curve.beside(state, tangent, -radius_n)?;
+            let longer = tree.curve.beside(state, tangent, radius_n)?;
             pieces.push(tree.curve.piece(shorter, longer)?);
         }
         let pieces: [&Piece<M::End>; CABLES] = std::array::from_fn(|k| &pieces[k]);
@@ -377,11 +417,15 @@ impl<'a, M: Provable> Search<'a, M> {
 }
 
 impl<M: Provable> Curve<'_, M> {
-    /// A proven point of the curve about `step_n` further along it.
-    pub(super) fn beside<E>(&self, node: &Node<E>, step_n: f64) -> Option<Node<M::End>> {
-        let axis = node.tangent;
-        let guess = CableState { force_n: node.near.force_n + axis * step_n, ..node.near };
-        let target_n = node.near.force_n.dot(&axis) + step_n;
-        self.node(self.approach(guess, axis, target_n)?)
+    /// A proven point of the curve about `step_n` further along it than `state`.
+    pub(super) fn beside(
+        &self,
+        state: &CableState<f64>,
+        tangent: Vector2<f64>,
+        step_n: f64,
+    ) -> Option<Node<M::End>> {
+        let guess = CableState { force_n: state.force_n + tangent * step_n, ..*state };
+        let target_n = state.force_n.dot(&tangent) + step_n;
+        self.node(self.approach(guess, tangent, target_n)?)
     }
 }

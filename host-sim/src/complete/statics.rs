@@ -24,8 +24,10 @@ use super::curve::Piece;
 /// Rounding per unit of the sizes that are summed: 7 additions of terms that are rounded 3 times
 /// themselves, 6 products with the inverse; 20 units of 2^-53, and room.
 const ROUNDING: f64 = 12.0 * f64::EPSILON;
-/// How often each equation narrows the box.
-const SWEEPS: usize = 2;
+/// How often each equation narrows the box at most, and how much one range has to shrink for another
+/// time.
+const SWEEPS: usize = 3;
+const WORTHWHILE: f64 = 0.7;
 /// For the rounding of sums of non-negative bounds.
 const UPWARDS: f64 = 1.0 + 1e-12;
 
@@ -67,7 +69,8 @@ fn rounding_n<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) -> f64 {
 pub(super) fn narrow<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) -> Option<Ranges> {
     let error_n = rounding_n(pieces, wrench_n);
     let mut ranges: Ranges = pieces.map(|p| (-p.reach, p.reach));
-    for _ in 0..SWEEPS {
+    for sweep in 0..SWEEPS {
+        let before = ranges;
         for j in 0..CABLES {
             let (mut low, mut high) = (wrench_n[j] - error_n, wrench_n[j] + error_n);
             let mut shares = [(0.0, 0.0); CABLES];
@@ -103,6 +106,11 @@ pub(super) fn narrow<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) -
                     return None;
                 }
             }
+        }
+        let width = |r: &(f64, f64)| r.1 - r.0;
+        let narrowed = ranges.iter().zip(&before).any(|(a, b)| width(a) < WORTHWHILE * width(b));
+        if sweep + 1 < SWEEPS && !narrowed {
+            break;
         }
     }
     Some(ranges)
