@@ -11,23 +11,18 @@ use std::error::Error;
 use cdpr_core::{CableModel, CablePlane, CableState, IrvineCatenary};
 use cdpr_host_sim::continuation::Solution;
 use cdpr_host_sim::enumerate::{ModelKind, Options, Request};
+use cdpr_host_sim::output::pen::{FINE, GREY, INK, PALE, Pen, fine, font, px};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::robot_file::{CableMaterial, RobotDescription};
 use nalgebra::{Vector2, Vector3};
-use plotters::coord::Shift;
-use plotters::element::DashedPathElement;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::HPos;
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 type Model = IrvineCatenary<f64>;
 
 /// Size of the picture, px.
 const SIZE_PX: (u32, u32) = (1200, 470);
-/// The back end draws at whole numbers; this many of them make a pixel.
-const FINE: u32 = 20;
-/// The back end divides the size of every font by this.
-const FONT_DIVISOR: f64 = 1.24;
 
 const POSITION_M: [f64; 3] = [2.0, 7.0, 2.5];
 const MASS_KG: f64 = 10.0;
@@ -36,9 +31,6 @@ const LINEAR_DENSITY_KG_M: f64 = 0.2;
 /// The cable of the two panels on the right.
 const CABLE: usize = 4;
 
-const INK: RGBColor = RGBColor(35, 40, 50);
-const GREY: RGBColor = RGBColor(110, 116, 128);
-const PALE: RGBColor = RGBColor(214, 217, 223);
 const GROUND: RGBColor = RGBColor(240, 242, 245);
 /// From taut to slack: the longer the lighter, so that they differ without their hues as well.
 const COLORS: [RGBColor; 4] =
@@ -67,20 +59,12 @@ fn main() -> Outcome {
 }
 
 fn picture(problem: &Problem<Model>, solution: &Solution) -> Outcome<String> {
-    let mut svg = String::new();
-    let (width, height) = SIZE_PX;
-    let fine = (width * FINE, height * FINE);
-    {
-        let pen = Pen { area: SVGBackend::with_string(&mut svg, fine).into_drawing_area() };
-        pen.area.fill(&WHITE)?;
-        draw_robot(&pen, problem, solution)?;
+    Pen::picture(SIZE_PX, |pen| {
+        draw_robot(pen, problem, solution)?;
         let hanging = Hanging::of(problem, solution)?;
-        draw_plane(&pen, &hanging)?;
-        draw_force_curve(&pen, &hanging)?;
-        pen.area.present()?;
-    }
-    let drawn = format!(r#"width="{}" height="{}""#, fine.0, fine.1);
-    Ok(svg.replacen(&drawn, &format!(r#"width="{width}" height="{height}""#), 1))
+        draw_plane(pen, &hanging)?;
+        draw_force_curve(pen, &hanging)
+    })
 }
 
 /// The shape of a cable in its plane, from the anchor to the attachment, m.
@@ -96,7 +80,7 @@ fn shape_m(model: &Model, state: &CableState<f64>) -> Vec<Vector2<f64>> {
 }
 
 /// (a) The robot in perspective, with its cables at equilibrium.
-fn draw_robot(pen: &Pen, problem: &Problem<Model>, solution: &Solution) -> Outcome {
+fn draw_robot(pen: &Pen<'_>, problem: &Problem<Model>, solution: &Solution) -> Outcome {
     let [x, y, z] = POSITION_M;
     pen.heading(20.0, &format!("(a) MARIONET-CRANE at ({x}, {y}, {z}) m"))?;
     pen.note(
@@ -108,7 +92,7 @@ fn draw_robot(pen: &Pen, problem: &Problem<Model>, solution: &Solution) -> Outco
 
     let origin = Vector3::from(POSITION_M);
     let (middle, below) = (camera.see(origin), camera.see(Vector3::new(x, y, 0.0)));
-    pen.dashed(middle, below, GREY, 1.0)?;
+    pen.dashed(&[middle, below], GREY, 1.0, 4.0)?;
     pen.dot(below, 2.5, GREY)?;
 
     let cables = problem.robot.cables();
@@ -137,11 +121,11 @@ fn draw_robot(pen: &Pen, problem: &Problem<Model>, solution: &Solution) -> Outco
     pen.arrow(middle, middle + px(0.0, 30.0), INK, 2.0)?;
     pen.text(middle + px(10.0, 24.0), &format!("{MASS_KG} kg"), HPos::Left, INK)?;
     let length = format!("{:.2} m", solution.states[CABLE].rest_length_m);
-    pen.text(middle - px(126.0, -12.0), &length, HPos::Center, COLORS[1])
+    Ok(pen.text(middle - px(126.0, -12.0), &length, HPos::Center, COLORS[1])?)
 }
 
 /// The ground, with lines 2 m apart.
-fn draw_ground(pen: &Pen, camera: &Camera) -> Outcome {
+fn draw_ground(pen: &Pen<'_>, camera: &Camera) -> Outcome {
     let see = |x: i32, y: i32| camera.see(Vector3::new(x.into(), y.into(), 0.0));
     let (x, y) = ([-4, 10], [-4, 22]);
     pen.fill(&[see(x[0], y[0]), see(x[1], y[0]), see(x[1], y[1]), see(x[0], y[1])], GROUND)?;
@@ -178,7 +162,7 @@ impl Hanging {
 }
 
 /// (b) The cable in its plane.
-fn draw_plane(pen: &Pen, hanging: &Hanging) -> Outcome {
+fn draw_plane(pen: &Pen<'_>, hanging: &Hanging) -> Outcome {
     const LEFT: f64 = 516.0;
     const PX_PER_M: f64 = 24.5;
     pen.heading(LEFT, &format!("(b) Cable {} in its plane", CABLE + 1))?;
@@ -195,7 +179,7 @@ fn draw_plane(pen: &Pen, hanging: &Hanging) -> Outcome {
     pen.text(at(x_m / 2.0, 0.0) + 2.0 * above, &format!("x = {x_m:.2} m"), HPos::Center, INK)?;
     let z_place = at(*x_m, -1.6) - px(6.0, 0.0);
     pen.text(z_place, &format!("z = {z_m:.2} m").replace('-', "−"), HPos::Right, INK)?;
-    pen.dashed(a, b, GREY, 1.0)?;
+    pen.dashed(&[a, b], GREY, 1.0, 4.0)?;
 
     let places = [at(7.5, -3.15), at(5.0, -5.8), at(4.9, -8.5), at(0.3, -8.2)];
     for ((state, color), place) in states.iter().zip(COLORS).zip(places) {
@@ -226,7 +210,7 @@ fn draw_plane(pen: &Pen, hanging: &Hanging) -> Outcome {
 }
 
 /// (c) The force curve of the cable.
-fn draw_force_curve(pen: &Pen, hanging: &Hanging) -> Outcome {
+fn draw_force_curve(pen: &Pen<'_>, hanging: &Hanging) -> Outcome {
     const LEFT: f64 = 872.0;
     pen.heading(LEFT, "(c) Its force curve")?;
     pen.note(LEFT, "the force F on the cable at B as L grows")?;
@@ -270,7 +254,7 @@ fn draw_force_curve(pen: &Pen, hanging: &Hanging) -> Outcome {
         px(f64::from(x), f64::from(y)) / f64::from(FINE)
     };
     pen.text(at(-1.5, 34.0), "Fz (N)", HPos::Right, INK)?;
-    pen.dashed(at(0.0, 0.0), at(58.0, 58.0 * plane.z_m / plane.x_m), GREY, 1.0)?;
+    pen.dashed(&[at(0.0, 0.0), at(58.0, 58.0 * plane.z_m / plane.x_m)], GREY, 1.0, 4.0)?;
     pen.text(at(29.0, -25.5), "along AB", HPos::Center, GREY)?;
     pen.text(at(taut.0, taut.1) + px(4.0, -22.0), "taut", HPos::Center, GREY)?;
     pen.text(at(slack.0, slack.1) + px(10.0, 4.0), "slack", HPos::Left, GREY)?;
@@ -304,77 +288,4 @@ impl Camera {
         let ray = world_m - self.eye;
         px(266.0, -138.0) + px(ray.dot(&self.right), -ray.z) * (660.0 / ray.dot(&self.ahead))
     }
-}
-
-/// Draws at places given in pixels, from the upper left corner.
-struct Pen<'a> {
-    area: DrawingArea<SVGBackend<'a>, Shift>,
-}
-
-impl Pen<'_> {
-    fn line(&self, path: &[Vector2<f64>], color: RGBColor, width: f64) -> Outcome {
-        let path: Vec<_> = path.iter().map(whole).collect();
-        Ok(self.area.draw(&PathElement::new(path, color.stroke_width(fine(width))))?)
-    }
-
-    fn dashed(&self, from: Vector2<f64>, to: Vector2<f64>, color: RGBColor, width: f64) -> Outcome {
-        let style = color.stroke_width(fine(width));
-        let path = [whole(&from), whole(&to)];
-        Ok(self.area.draw(&DashedPathElement::new(path, fine(4.0), fine(4.0), style))?)
-    }
-
-    fn arrow(&self, from: Vector2<f64>, to: Vector2<f64>, color: RGBColor, width: f64) -> Outcome {
-        let along = (to - from).normalize() * (5.0 + 2.0 * width);
-        let across = Vector2::new(along.y, -along.x) * 0.36;
-        self.line(&[from, to - along * 0.5], color, width)?;
-        self.fill(&[to, to - along + across, to - along - across], color)
-    }
-
-    fn fill(&self, corners: &[Vector2<f64>], color: RGBColor) -> Outcome {
-        let corners: Vec<_> = corners.iter().map(whole).collect();
-        Ok(self.area.draw(&Polygon::new(corners, color))?)
-    }
-
-    fn dot(&self, center: Vector2<f64>, radius: f64, color: RGBColor) -> Outcome {
-        Ok(self.area.draw(&Circle::new(whole(&center), fine(radius), color.filled()))?)
-    }
-
-    /// Text whose middle is as high as the place.
-    fn text(&self, place: Vector2<f64>, text: &str, side: HPos, color: RGBColor) -> Outcome {
-        let style = font(16.0, color).pos(Pos::new(side, VPos::Center));
-        Ok(self.area.draw(&Text::new(text.to_owned(), whole(&place), style))?)
-    }
-
-    fn heading(&self, left: f64, text: &str) -> Outcome {
-        let style = font(19.0, INK);
-        let style = TextStyle { font: style.font.style(FontStyle::Bold), ..style };
-        Ok(self.area.draw(&Text::new(text.to_owned(), whole(&px(left, 16.0)), style))?)
-    }
-
-    fn note(&self, left: f64, text: &str) -> Outcome {
-        self.text(px(left, 50.0), text, HPos::Left, GREY)
-    }
-}
-
-/// A place in the picture, or a step from one to another.
-fn px(right: f64, down: f64) -> Vector2<f64> {
-    Vector2::new(right, down)
-}
-
-fn font(size_px: f64, color: RGBColor) -> TextStyle<'static> {
-    let font = ("sans-serif", f64::from(FINE) * size_px * FONT_DIVISOR).into_font();
-    TextStyle { color: color.to_backend_color(), ..TextStyle::from(font) }
-}
-
-/// A size in the whole numbers of the back end.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // all sizes are small
-fn fine(px: f64) -> u32 {
-    (px * f64::from(FINE)).round() as u32
-}
-
-/// A place in the whole numbers of the back end.
-#[allow(clippy::cast_possible_truncation)] // all places are on the picture or near
-fn whole(place: &Vector2<f64>) -> (i32, i32) {
-    let fine = place * f64::from(FINE);
-    (fine.x.round() as i32, fine.y.round() as i32)
 }

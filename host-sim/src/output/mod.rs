@@ -1,6 +1,7 @@
 //! The answer for one pose, for people and for programs.
 
 mod json;
+pub mod pen;
 mod text;
 
 pub use json::json;
