@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::enumerate::{ModelKind, Request};
-use crate::robot_file::RobotDescription;
+use crate::robot_file::{CableMaterial, RobotDescription};
 
 /// What the command line or a case changes in a robot file, for all cables alike.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,19 +44,21 @@ impl Overrides {
         let mut changed = robot.clone();
         changed.load.mass_kg = self.mass_kg.unwrap_or(robot.load.mass_kg);
         changed.load.gravity_m_s2 = self.gravity_m_s2.unwrap_or(robot.load.gravity_m_s2);
-        changed.robot = robot.robot.map_models(|_, material| {
-            let mut material = *material;
-            material.linear_density_kg_m =
-                self.linear_density_kg_m.unwrap_or(material.linear_density_kg_m);
-            material.axial_stiffness_n =
-                self.axial_stiffness_n.unwrap_or(material.axial_stiffness_n);
-            material
-        });
+        changed.robot = robot.robot.map_models(|_, own| self.material(own));
         for limits in &mut changed.limits {
             limits.max_length_m = self.max_length_m.unwrap_or(limits.max_length_m);
             limits.max_tension_n = self.max_tension_n.unwrap_or(limits.max_tension_n);
         }
         changed
+    }
+
+    /// The material of a cable with these values in place of its `own`.
+    #[must_use]
+    pub fn material(&self, own: &CableMaterial) -> CableMaterial {
+        CableMaterial {
+            linear_density_kg_m: self.linear_density_kg_m.unwrap_or(own.linear_density_kg_m),
+            axial_stiffness_n: self.axial_stiffness_n.unwrap_or(own.axial_stiffness_n),
+        }
     }
 }
 

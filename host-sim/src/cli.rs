@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
+use tempfile::NamedTempFile;
 
+use crate::branches::{BranchesError, Diagram, Parameter, Range};
 use crate::cases::{self, CasesError, Overrides};
 use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
@@ -41,10 +43,13 @@ pub struct Cli {
 enum Command {
     /// Find the rest lengths of all six cables, all solutions, for a pose of the platform
     Enumerate(Enumerate),
+    /// Follow all solutions of a pose over a range of one parameter, through folds
+    Branches(Branches),
 }
 
+/// A robot, a pose of it, and what replaces values of the robot file.
 #[derive(Debug, Args)]
-struct Enumerate {
+struct Question {
     /// Robot file (TOML) [default: the paper's MARIONET-CRANE]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
@@ -54,10 +59,6 @@ struct Enumerate {
     /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
     #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
     rotation_vector: Option<[f64; 3]>,
-    /// Many poses from a file, JSON Lines or a JSON array
-    #[arg(long, long_help = CASES_HELP, value_name = "FILE")]
-    #[arg(conflicts_with_all = ["position", "rotation_vector"])]
-    cases: Option<PathBuf>,
     /// Mass of the platform, kg [default: from the robot file, like all below]
     #[arg(long, value_name = "KG", value_parser = positive, allow_hyphen_values = true)]
     mass: Option<f64>,
@@ -76,6 +77,16 @@ struct Enumerate {
     /// Cable model
     #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
     model: ModelKind,
+}
+
+#[derive(Debug, Args)]
+struct Enumerate {
+    #[command(flatten)]
+    question: Question,
+    /// Many poses from a file, JSON Lines or a JSON array
+    #[arg(long, long_help = CASES_HELP, value_name = "FILE")]
+    #[arg(conflicts_with_all = ["position", "rotation_vector"])]
+    cases: Option<PathBuf>,
     /// How to search
     #[arg(long, value_enum, default_value_t = Method::Both)]
     method: Method,
@@ -87,6 +98,27 @@ struct Enumerate {
     format: Format,
     #[arg(long, help = THREADS_HELP, value_name = "N")]
     threads: Option<NonZeroU16>,
+}
+
+#[derive(Debug, Args)]
+struct Branches {
+    #[command(flatten)]
+    question: Question,
+    /// What varies
+    #[arg(long, value_enum)]
+    parameter: Parameter,
+    /// Lower end of its range, in its unit
+    #[arg(long, value_name = "VALUE", value_parser = positive, allow_hyphen_values = true)]
+    from: f64,
+    /// Upper end of its range, in its unit
+    #[arg(long, value_name = "VALUE", value_parser = positive, allow_hyphen_values = true)]
+    to: f64,
+    /// Draw the branches to a file (SVG) as well
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Output: tables, or JSON with the points of every branch
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -115,6 +147,23 @@ pub enum CliError {
     /// The threads could not be started.
     #[error("--threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    /// The branches cannot be followed over this range.
+    #[error("--parameter, --from, --to: {0}")]
+    Branches(#[from] BranchesError),
+    /// What varies has a value as well.
+    #[error("{0}: this is what varies, so --from and --to give its values")]
+    Fixed(&'static str),
+    /// The picture cannot be written there.
+    #[error("--plot {path}: {source}")]
+    PlotPlace {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The picture could not be made or written.
+    #[error("writing the picture: {0}")]
+    Plot(io::Error),
     /// The answer could not be written.
     #[error("writing the answer: {0}")]
     Output(#[from] io::Error),
@@ -125,7 +174,7 @@ impl CliError {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Output(_) | Self::Threads(_) => 1,
+            Self::Output(_) | Self::Threads(_) | Self::Plot(_) => 1,
             _ => 2,
         }
     }
@@ -137,30 +186,11 @@ impl CliError {
 /// # Errors
 /// [`CliError`].
 pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
-    let options = match cli.command {
-        Some(Command::Enumerate(options)) => options,
-        None => cli.enumerate,
-    };
-    let requests = options.requests()?;
-    let threads = in_order::threads(options.threads.map(|n| n.get().into()))?;
-    let progress = progress_bar(requests.len());
-    // Where both are seen on one screen, the bar makes way for the answers.
-    let one_screen = !progress.is_hidden() && io::stdout().is_terminal();
-    in_order::for_each(
-        &threads,
-        &requests,
-        |request| options.answer(request),
-        |answer| {
-            let answer = answer?;
-            let mut write = || {
-                out.write_all(&answer)?;
-                out.flush() // what is done can be used while the rest is computed
-            };
-            if one_screen { progress.suspend(write) } else { write() }?;
-            progress.inc(1);
-            Ok(())
-        },
-    )
+    match cli.command {
+        Some(Command::Enumerate(options)) => options.run(out),
+        Some(Command::Branches(options)) => options.run(out),
+        None => cli.enumerate.run(out),
+    }
 }
 
 /// How far a run over `poses` poses is, on stderr when that is a terminal; gone when the run ends.
@@ -177,6 +207,29 @@ fn progress_bar(poses: usize) -> ProgressBar {
 }
 
 impl Enumerate {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let requests = self.requests()?;
+        let threads = in_order::threads(self.threads.map(|n| n.get().into()))?;
+        let progress = progress_bar(requests.len());
+        // Where both are seen on one screen, the bar makes way for the answers.
+        let one_screen = !progress.is_hidden() && io::stdout().is_terminal();
+        in_order::for_each(
+            &threads,
+            &requests,
+            |request| self.answer(request),
+            |answer| {
+                let answer = answer?;
+                let mut write = || {
+                    out.write_all(&answer)?;
+                    out.flush() // what is done can be used while the rest is computed
+                };
+                if one_screen { progress.suspend(write) } else { write() }?;
+                progress.inc(1);
+                Ok(())
+            },
+        )
+    }
+
     /// The answer to one request as it is written.
     fn answer(&self, request: &Request) -> Result<Vec<u8>, CliError> {
         let json = self.format == Format::Json;
@@ -202,21 +255,104 @@ impl Enumerate {
     }
 
     fn requests(&self) -> Result<Vec<Request>, CliError> {
-        let robot = match &self.robot {
+        let Some(path) = &self.cases else {
+            return Ok(vec![self.question.request()?]);
+        };
+        let (robot, overrides) = (self.question.robot()?, self.question.overrides());
+        Ok(cases::read(Path::new(path), &robot, overrides, self.question.model)?)
+    }
+}
+
+impl Branches {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let fixed = match self.parameter {
+            Parameter::LinearDensity => (self.question.linear_density, "--linear-density"),
+            Parameter::AxialStiffness => (self.question.axial_stiffness, "--axial-stiffness"),
+            Parameter::Mass => (self.question.mass, "--mass"),
+        };
+        if let (Some(_), option) = fixed {
+            return Err(CliError::Fixed(option));
+        }
+        let range = Range::new(self.from, self.to)?;
+        let request = self.question.request()?;
+        let picture = self.plot.as_deref().map(PictureFile::new).transpose()?;
+        let diagram = Diagram::trace(&request, self.parameter, range)?;
+        if let Some(picture) = picture {
+            let svg = output::diagram::svg(&request, &diagram)
+                .map_err(|fault| CliError::Plot(io::Error::other(fault.to_string())))?;
+            picture.write(&svg).map_err(CliError::Plot)?;
+        }
+        match self.format {
+            Format::Text => write!(out, "{}", output::diagram::text(&request, &diagram))?,
+            Format::Json => write_pretty(out, &output::diagram::json(&request, &diagram))?,
+        }
+        Ok(out.flush()?)
+    }
+}
+
+/// A file that appears as a whole or not at all.
+struct PictureFile {
+    path: PathBuf,
+    draft: NamedTempFile,
+}
+
+impl PictureFile {
+    /// Makes sure that `path` can be written, and leaves what is there alone.
+    fn new(path: &Path) -> Result<Self, CliError> {
+        let place = |source| CliError::PlotPlace { path: path.display().to_string(), source };
+        // Through a link, to the file that it stands for.
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        if path.exists() && !path.is_file() {
+            return Err(place(io::Error::other("it is there already, and is no file")));
+        }
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            // As any new file; the default is for secrets.
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let draft = builder.prefix(".cdpr-").tempfile_in(folder).map_err(place)?;
+        Ok(Self { path, draft })
+    }
+
+    fn write(mut self, svg: &str) -> io::Result<()> {
+        self.draft.write_all(svg.as_bytes())?;
+        self.draft.persist(&self.path).map_err(|error| error.error)?;
+        Ok(())
+    }
+}
+
+fn write_pretty(out: &mut impl Write, document: &impl serde::Serialize) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, document)?;
+    writeln!(out)
+}
+
+impl Question {
+    fn robot(&self) -> Result<RobotDescription, CliError> {
+        Ok(match &self.robot {
             Some(path) => RobotDescription::read(path)?,
             None => RobotDescription::marionet_crane(),
-        };
-        let overrides = Overrides {
+        })
+    }
+
+    fn overrides(&self) -> Overrides {
+        Overrides {
             mass_kg: self.mass,
             gravity_m_s2: None,
             linear_density_kg_m: self.linear_density,
             axial_stiffness_n: self.axial_stiffness,
             max_length_m: self.max_length,
             max_tension_n: self.max_tension,
-        };
-        if let Some(path) = &self.cases {
-            return Ok(cases::read(Path::new(path), &robot, overrides, self.model)?);
         }
+    }
+
+    fn request(&self) -> Result<Request, CliError> {
+        let (robot, overrides) = (self.robot()?, self.overrides());
         let (position_m, overrides) = match self.position {
             Some(position) => (position, overrides),
             None if self.robot.is_none() && self.rotation_vector.is_none() => {
@@ -237,7 +373,7 @@ impl Enumerate {
             model: self.model,
         };
         request.check()?;
-        Ok(vec![request])
+        Ok(request)
     }
 }
 

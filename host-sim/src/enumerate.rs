@@ -257,10 +257,17 @@ impl Request {
     /// As [`Request::check`].
     pub fn problem<M: FromMaterial>(&self) -> Result<Problem<M>, GeometryFault> {
         let RobotDescription { robot, limits, load, .. } = &self.robot;
-        let orientation = UnitQuaternion::from_scaled_axis(Vector3::from(self.rotation_vector_rad));
-        let pose = Pose::new(Vector3::from(self.position_m), orientation)?;
         let robot = robot.map_models(|_, material| M::from_material(material, load.gravity_m_s2));
-        Problem::new(robot, load, &pose, *limits)
+        Problem::new(robot, load, &self.pose()?, *limits)
+    }
+
+    /// The pose of the platform.
+    ///
+    /// # Errors
+    /// [`GeometryFault::InvalidPose`] when it is not finite.
+    pub fn pose(&self) -> Result<Pose<f64>, GeometryFault> {
+        let orientation = UnitQuaternion::from_scaled_axis(Vector3::from(self.rotation_vector_rad));
+        Pose::new(Vector3::from(self.position_m), orientation)
     }
 
     fn deformable<M: FromMaterial + Provable>(

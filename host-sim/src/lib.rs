@@ -5,9 +5,11 @@
 //!
 //! [`robot_file`] (what the robot is) → [`problem`] (one pose of it) → [`rigid`] (all solutions with
 //! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back) →
-//! [`enumerate`] (the answer for one pose) → [`output`] (as text or JSON). [`cases`] reads many
-//! poses from a file, [`in_order`] asks for them on all cores, [`cli`] is the command line.
+//! [`enumerate`] (the answer for one pose) → [`branches`] (over a range of a parameter) → [`output`]
+//! (as text, JSON or a picture). [`cases`] reads many poses from a file, [`in_order`] asks for them on
+//! all cores, [`cli`] is the command line.
 
+pub mod branches;
 pub mod cases;
 pub mod cli;
 pub mod complete;

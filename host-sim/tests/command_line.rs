@@ -421,3 +421,148 @@ fn help_names_units() {
     }
     assert!(help.contains("--axial-stiffness <N>") && help.contains("world frame, m"), "{help}");
 }
+
+/// The picture in the README.
+const PICTURE: &str = include_str!("../pictures/branches.svg");
+const OVER_DENSITY: [&str; 7] =
+    ["branches", "--parameter", "linear-density", "--from", "0.001", "--to", "0.079"];
+
+#[test]
+fn branches_are_tabled_with_their_fold() {
+    let text = stdout(&cdpr(&OVER_DENSITY).success().stderr(""));
+    assert!(text.contains("0.001 to 0.079 kg/m: 5 branches, 1 fold\n"), "{text}");
+    assert!(text.contains("0.004192992414"), "{text}");
+    for label in ["none", "[3]", "[6]", "[3,5]", "[4,6]"] {
+        assert!(text.contains(&format!(" {label} ")), "{label} in {text}");
+    }
+    assert!(text.contains("start values: 5 5 5 5 3 3 3 3 3 3 3\n"), "{text}");
+    assert!(text.contains("Each lies on exactly one branch; degree -1 at every value"), "{text}");
+    // Where the enumeration of single values misses a branch.
+    let gap = cdpr(&[
+        "branches",
+        "--parameter",
+        "mass",
+        "--from",
+        "1",
+        "--to",
+        "300",
+        "--position",
+        "-0.0877,7.1964,0.8488",
+        "--rotation-vector",
+        "-0.0265,0.3645,0.2415",
+        "--linear-density",
+        "0.243",
+        "--axial-stiffness",
+        "1.78e6",
+    ]);
+    let text = stdout(&gap.success());
+    assert!(text.contains("no rigid origin"), "{text}");
+    assert!(text.contains("3 branches pass, but the search at this value alone finds 1"), "{text}");
+    assert!(!text.contains("exactly one branch"), "{text}");
+}
+
+#[test]
+fn json_of_branches_has_the_documented_fields() {
+    let arguments = [&OVER_DENSITY[..], &["--format", "json"]].concat();
+    let answer: Value = serde_json::from_str(&stdout(&cdpr(&arguments).success())).expect("JSON");
+    assert_eq!(answer["parameter"], "linear_density_kg_m");
+    assert_eq!([&answer["from"], &answer["to"]], [0.001, 0.079]);
+    assert_eq!(answer["mass_kg"], 10.0);
+    assert_eq!(answer["cables"][0]["linear_density_kg_m"], Value::Null);
+    assert_eq!((&answer["is_consistent"], &answer["rigid_degree"]), (&true.into(), &(-1).into()));
+    assert_eq!(answer["doubts"], serde_json::json!([]));
+    assert_eq!(answer["start_values"].as_array().map(Vec::len), Some(11));
+    assert_eq!(answer["start_values"][0]["solutions"], 5);
+    assert_eq!(answer["start_values"][0]["branches"], 5);
+    assert_eq!(answer["start_values"][0]["degree"], -1);
+
+    let fold = &answer["folds"][0];
+    assert_eq!((&fold["kind"], &fold["branches"]), (&"death".into(), &serde_json::json!([1, 2])));
+    assert_eq!(fold["lengths_m"].as_array().map(Vec::len), Some(6));
+
+    let branches = answer["branches"].as_array().expect("branches");
+    assert_eq!(branches.len(), 5);
+    for (branch, number) in branches.iter().zip(1..) {
+        assert_eq!(branch["number"], number);
+        assert!(branch["rigid_slack_set"].is_array() && branch["det_sign"].is_i64());
+        assert_eq!(branch["low"], serde_json::json!({"value": 0.001, "at": "range"}));
+        let points = branch["points"].as_array().expect("points");
+        assert!(points.len() > 40, "{}", points.len());
+        for point in points {
+            for field in ["lengths_m", "anchor_tensions_n"] {
+                assert_eq!(point[field].as_array().map(Vec::len), Some(6), "{field}");
+            }
+            assert!(point["value"].is_f64() && point["is_beyond_limit"].is_boolean());
+        }
+    }
+    let high = serde_json::json!({"value": fold["value"], "at": "fold", "fold": 1});
+    assert_eq!((&branches[0]["high"], &branches[1]["high"]), (&high, &high));
+    let crossing = &branches[4]["limit_crossings"][0];
+    assert_eq!((&crossing["quantity"], &crossing["beyond"]), (&"length".into(), &"below".into()));
+    assert_eq!(crossing["cable"], 6);
+}
+
+#[test]
+fn branches_are_drawn() {
+    let folder = TempDir::new().expect("a folder");
+    let place = folder.path().join("branches.svg");
+    let plot = ["--plot", place.to_str().expect("UTF-8")];
+    fs::write(&place, "an older picture").expect("a temporary file");
+    cdpr(&[&OVER_DENSITY[..], &plot].concat()).success();
+    let svg = fs::read_to_string(&place).expect("a picture");
+    for picture in [svg.as_str(), PICTURE] {
+        assert!(picture.starts_with("<svg") && picture.trim_end().ends_with("</svg>"));
+        for text in ["fold at 0.0041929924 kg/m", "1: none, L2", "5: [4,6], L6", "(kg/m)"] {
+            assert!(picture.contains(text), "{text}");
+        }
+    }
+    // Nothing but the picture stays behind, also where there is no solution to draw.
+    let nowhere = ["branches", "--parameter", "mass", "--from", "1", "--to", "2"];
+    let nowhere = [&nowhere[..], &["--position", "0,0,2"], &plot].concat();
+    assert!(stdout(&cdpr(&nowhere).success()).contains("no branch, no fold"));
+    assert!(fs::read_to_string(&place).expect("a picture").contains("no solution found"));
+    assert_eq!(fs::read_dir(folder.path()).expect("the folder").count(), 1);
+}
+
+#[test]
+fn every_mistake_about_branches_is_named() {
+    let refused = |from: &str, to: &str, more: &[&str], parts: &[&str]| {
+        let range = ["branches", "--parameter", "linear-density", "--from", from, "--to", to];
+        assert_refused(&[&range[..], more].concat(), parts);
+    };
+    refused("0.1", "0.01", &[], &["--from", "0.1 to 0.01: the lower end comes first"]);
+    refused("0.1", "0.1", &[], &["--from", "empty"]);
+    refused("0", "0.1", &[], &["--from", "not positive"]);
+    refused("0.1", "-1", &[], &["--to", "not positive"]);
+    refused("0.1", "inf", &[], &["--to", "not finite"]);
+    refused("0.1", "x", &[], &["--to", "'x' is not a number"]);
+    refused("0.1", "0.2", &["--linear-density", "0.1"], &["--linear-density", "varies"]);
+    refused("0.1", "0.2", &["--model", "elastic"], &["linear density of the cables has no effect"]);
+    refused("0.1", "0.2", &["--model", "rigid"], &["no effect"]);
+    refused("0.1", "0.2", &["--rotation-vector", "0,0,1"], &["--position"]);
+    assert_refused(&["branches", "--from", "1", "--to", "2"], &["--parameter"]);
+    let folder = TempDir::new().expect("a folder");
+    for place in [folder.path().join("nowhere/a.svg"), folder.path().to_owned()] {
+        let place = place.to_str().expect("UTF-8");
+        refused("0.1", "0.2", &["--plot", place], &["--plot", place]);
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("the folder").count(), 0);
+}
+
+#[test]
+fn a_reader_of_branches_may_leave_early() {
+    let mut child = Process::new(CDPR)
+        .args(OVER_DENSITY)
+        .args(["--format", "json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut line = String::new();
+    // Points fill more than a pipe holds.
+    BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut line).expect("a line");
+    assert_eq!(line, "{\n");
+    let output = child.wait_with_output().expect("the program ends");
+    assert!(output.status.success());
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}

@@ -57,9 +57,18 @@ pub mod tolerance {
     /// and the smallest force is 1/300 of the largest.
     pub const RIGID_FORCE: f64 = 1e-9;
 
-    /// Deformation at a fold, relative: the same fold met from either side. It is found to 1e-8 of
-    /// the unit tangent, and the deformation moves with the square of that.
-    pub const FOLD: f64 = 1e-10;
+    /// Deformation or parameter at a fold, relative: the same fold met from either side, or along two
+    /// parameters. It is found to 1e-10 of the unit tangent, and the parameter moves with the square of
+    /// that; rounding in its logarithm is more. Largest found 4e-14.
+    pub const FOLD: f64 = 1e-12;
+
+    /// Rest lengths at a fold, relative: they move with the place along the path itself, by up to ten
+    /// times the unit tangent. Largest found 9e-14.
+    pub const FOLD_STATE: f64 = 1e-9;
+
+    /// Residual of a point of a branch, relative to the longest cable or the largest force: Newton ends
+    /// at changes of 1e-13, or 1e-9 where rounding leaves more. Largest found below 1e-12.
+    pub const POINT: f64 = 1e-9;
 }
 
 /// One elastic catenary of `data/cable.json`: what hangs there and, computed with 50 digits, where

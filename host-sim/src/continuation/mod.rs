@@ -14,16 +14,18 @@ mod system;
 
 use std::fmt;
 
-use cdpr_core::elimination::Elimination;
 use cdpr_core::{CABLES, CableModel, CableState, NewtonStep};
 
 use crate::problem::Problem;
 use crate::rigid::{RigidSolution, SlackSet};
 use crate::robot_file::CableLimits;
 use homotopy::Deformation;
-use path::{End, Path, follow, restore_full_model};
-use step::converge;
-use system::{Point, SIGMA, System};
+use path::restore_full_model;
+
+pub(crate) use homotopy::Homotopy;
+pub(crate) use path::{End, Path, Waypoint, follow, locate_crossing};
+pub(crate) use step::converge;
+pub(crate) use system::{Point, SIGMA, System};
 
 /// Sag and stretch of the least loaded cable, relative to its length, where paths start: small
 /// enough for the rigid solution to be a start for Newton.
@@ -150,8 +152,8 @@ pub struct Fold {
     pub states: [CableState<f64>; CABLES],
 }
 
-impl From<Point> for Fold {
-    fn from(point: Point) -> Self {
+impl From<&Point> for Fold {
+    fn from(point: &Point) -> Self {
         Self { deformation: point.sigma.exp(), states: point.states }
     }
 }
@@ -233,9 +235,19 @@ pub fn inverse<M: CableModel<f64>>(
     rigid: &[RigidSolution],
     solution: &Solution,
 ) -> Option<SlackSet> {
+    origin(problem, rigid, solution.states, solution.vertical)
+}
+
+/// The same for the forces and rest lengths of a solution and the cables that hang vertically in it.
+pub(crate) fn origin<M: CableModel<f64>>(
+    problem: &Problem<M>,
+    rigid: &[RigidSolution],
+    states: [CableState<f64>; CABLES],
+    vertical: [bool; CABLES],
+) -> Option<SlackSet> {
     let deformation = Deformation { problem };
-    let system = System { homotopy: &deformation, vertical: solution.vertical };
-    let start = Point { states: solution.states, sigma: 0.0 };
+    let system = System { homotopy: &deformation, vertical };
+    let start = Point { states, sigma: 0.0 };
     let smallest =
         rigid.iter().map(|r| start_deformation(problem, r)).fold(START_DEFLECTION, f64::min);
     let path = follow(system, start, (smallest.ln(), 0.0), false, 1.0);
@@ -297,7 +309,7 @@ fn branch<M: CableModel<f64>>(
     Branch {
         origin: origin.slack,
         end,
-        folds: path.folds.into_iter().map(Fold::from).collect(),
+        folds: path.folds().map(Fold::from).collect(),
         steps: path.steps,
         largest_h: path.largest_h,
     }
@@ -380,9 +392,7 @@ fn arrival<M: CableModel<f64>>(
 ) -> BranchEnd {
     let problem = deformation.problem;
     let system = System { homotopy: deformation, vertical: path.vertical };
-    let elimination =
-        system.linearise(point).and_then(|linear| Elimination::new(&linear.tangent_matrix()));
-    let Some(elimination) = elimination else {
+    let Some(elimination) = system.eliminate_tangents(point) else {
         return BranchEnd::Stalled { deformation: 1.0 };
     };
     let solution = Solution {
@@ -424,11 +434,16 @@ fn doubles(branches: &[Branch]) -> Vec<usize> {
         let (Some(a), Some(b)) = (arrived(&branches[i]), arrived(&branches[j])) else {
             return false;
         };
-        a.iter().zip(&b).all(|(a, b)| {
-            (a.rest_length_m / b.rest_length_m - 1.0).abs() < SAME
-                && (a.force_n - b.force_n).norm() < SAME * a.force_n.norm()
-        })
+        same_states(&a, &b)
     };
     let indices = 0..branches.len();
     indices.clone().filter(|&i| indices.clone().any(|j| i != j && same(i, j))).collect()
+}
+
+/// Whether two solutions of a problem are the same.
+pub(crate) fn same_states(a: &[CableState<f64>; CABLES], b: &[CableState<f64>; CABLES]) -> bool {
+    a.iter().zip(b).all(|(a, b)| {
+        (a.rest_length_m / b.rest_length_m - 1.0).abs() < SAME
+            && (a.force_n - b.force_n).norm() < SAME * a.force_n.norm()
+    })
 }

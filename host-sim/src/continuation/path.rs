@@ -24,22 +24,34 @@ const SHORT_ARC: f64 = 1e-3;
 const MAX_STEPS: usize = 20_000;
 /// Bound on the folds of one path.
 const MAX_FOLDS: usize = 64;
-/// Bound on the steps that pin a fold down.
-const FOLD_STEPS: usize = 60;
-/// Bound on the steps that bracket a fold, each a quarter longer than the last.
+/// Bound on the steps that pin down a place on a path, such as a fold.
+const LOCATE_STEPS: usize = 60;
+/// Bound on the steps that bracket it, each a quarter longer than the last.
 const BRACKET_STEPS: usize = 20;
 /// A fold is found when the tangent turns within this part of its unit length: the error of
 /// `sigma` there is of its square.
-const FOLD_TOLERANCE: f64 = 1e-8;
+const FOLD_TOLERANCE: f64 = 1e-10;
 /// A path has run away when a tension is this many times what there is to carry, the load and the
 /// weight of the longest taut cable. No path of the reference cases comes near.
 const RUN_AWAY: f64 = 1e6;
 /// The simplified model takes over where the horizontal force is this part of the whole.
 const NEARLY_VERTICAL: f64 = 1e-7;
 
+/// A point that a path has passed.
+#[derive(Clone, Debug)]
+pub(crate) struct Waypoint {
+    pub(crate) point: Point,
+    /// Unit tangent of the path; where it starts, only its direction in `sigma`.
+    pub(crate) along: Coordinates,
+    /// Cables that the simplified model stands for.
+    pub(crate) vertical: [bool; CABLES],
+    /// Whether it is a fold: `sigma` turns around.
+    pub(crate) is_fold: bool,
+}
+
 /// How a path ended.
 #[derive(Clone, Debug)]
-pub(super) enum End {
+pub(crate) enum End {
     /// At the upper end of the range.
     Top(Point),
     /// At the lower end of the range.
@@ -52,21 +64,26 @@ pub(super) enum End {
 
 /// A path from one point, in one direction.
 #[derive(Clone, Debug)]
-pub(super) struct Path {
-    pub(super) end: End,
-    /// Where `sigma` turned around, in the order met.
-    pub(super) folds: Vec<Point>,
+pub(crate) struct Path {
+    pub(crate) end: End,
+    /// The start, every point that a step ended at, and the folds between them.
+    pub(crate) waypoints: Vec<Waypoint>,
     /// Cables that the simplified model still stands for at the end.
-    pub(super) vertical: [bool; CABLES],
+    pub(crate) vertical: [bool; CABLES],
     pub(super) steps: usize,
     /// Largest Kantorovich number of an accepted step.
     pub(super) largest_h: f64,
 }
 
 impl Path {
+    /// Where `sigma` turned around, in the order met.
+    pub(super) fn folds(&self) -> impl Iterator<Item = &Point> {
+        self.waypoints.iter().filter(|waypoint| waypoint.is_fold).map(|waypoint| &waypoint.point)
+    }
+
     /// This path as the continuation of `before`.
     pub(super) fn after(mut self, before: Self) -> Self {
-        self.folds.splice(0..0, before.folds);
+        self.waypoints.splice(0..0, before.waypoints);
         self.steps += before.steps;
         self.largest_h = self.largest_h.max(before.largest_h);
         self
@@ -75,7 +92,7 @@ impl Path {
 
 /// Follows the solution `start` until `sigma` leaves `bottom..=top`, first upwards or downwards.
 /// `caution` divides the longest step: 1 is the ordinary run.
-pub(super) fn follow<H: Homotopy>(
+pub(crate) fn follow<H: Homotopy>(
     mut system: System<'_, H>,
     start: Point,
     (bottom, top): (f64, f64),
@@ -88,12 +105,20 @@ pub(super) fn follow<H: Homotopy>(
     let mut length = FIRST_STEP / caution;
     let mut path = Path {
         end: End::Stalled { sigma: here.sigma },
-        folds: Vec::new(),
+        waypoints: Vec::new(),
         vertical: system.vertical,
         steps: 0,
         largest_h: 0.0,
     };
-    while path.steps < MAX_STEPS && path.folds.len() <= MAX_FOLDS {
+    let passed = |system: &System<'_, H>, point: &Point, along: &Coordinates| Waypoint {
+        point: point.clone(),
+        along: *along,
+        vertical: system.vertical,
+        is_fold: false,
+    };
+    path.waypoints.push(passed(&system, &here, &along));
+    let mut folds = 0;
+    while path.steps < MAX_STEPS && folds <= MAX_FOLDS {
         path.end = End::Stalled { sigma: here.sigma };
         path.vertical = system.vertical;
         if let Some(away) = run_away(&system, &here, top) {
@@ -105,18 +130,23 @@ pub(super) fn follow<H: Homotopy>(
                 path.steps += 1;
                 path.largest_h = path.largest_h.max(kantorovich.h);
                 if landed {
+                    path.waypoints.push(passed(&system, &point, &tangent));
                     path.end =
                         if point.sigma >= top { End::Top(point) } else { End::Bottom(point) };
                     return path;
                 }
-                if path.steps > 1 && tangent[SIGMA] * along[SIGMA] < 0.0 {
-                    path.folds.push(locate_fold(&system, &here, &along, &point, &tangent));
+                if tangent[SIGMA] * along[SIGMA] < 0.0 {
+                    let (before, after) =
+                        (passed(&system, &here, &along), passed(&system, &point, &tangent));
+                    path.waypoints.push(locate_fold(&system, &before, &after));
+                    folds += 1;
                 }
                 (here, along) = (point, tangent);
                 if kantorovich.contraction < EASY {
                     length = (2.0 * length).min(LONGEST_STEP / caution);
                 }
                 restore_full_model(&mut system, &mut here);
+                path.waypoints.push(passed(&system, &here, &along));
             }
             None if length > SHORTEST_STEP => length *= 0.5,
             None if simplify(&mut system, &mut here) => length = FIRST_STEP / caution,
@@ -200,67 +230,100 @@ fn largest_force(tangent: &Coordinates) -> usize {
     (1..CABLES).fold(0, |best, i| if tangent[i].abs() >= tangent[best].abs() { i } else { best })
 }
 
-/// The fold between two points of a path whose tangents point to either side of it.
-///
-/// Along the leading force `c` the parameter has a maximum or minimum there, so the `sigma`
-/// component of the tangent changes its sign; the secant through the ends, kept in the bracket by
-/// the Illinois rule, finds where. If Newton fails on the way the best point so far is the answer.
+/// The fold between two points of a path whose tangents point to either side of it: along the
+/// leading force the parameter has a maximum or minimum there, so the `sigma` component of the tangent
+/// changes its sign.
 fn locate_fold<H: Homotopy>(
     system: &System<'_, H>,
-    before: &Point,
-    along_before: &Coordinates,
-    after: &Point,
-    along_after: &Coordinates,
+    before: &Waypoint,
+    after: &Waypoint,
+) -> Waypoint {
+    let rate = |_: &Point, along: &Coordinates| along[SIGMA];
+    let held = largest_force(&after.along);
+    let fold = locate(system, before, after, held, FOLD_TOLERANCE, rate);
+    Waypoint { is_fold: true, ..fold }
+}
+
+/// Where a `quantity` with a limit of zero crosses it between two points of a path, at which its
+/// signs differ.
+pub(crate) fn locate_crossing<H: Homotopy>(
+    homotopy: &H,
+    before: &Waypoint,
+    after: &Waypoint,
+    tolerance: f64,
+    quantity: impl Fn(&Point) -> f64,
 ) -> Point {
-    let mut best = (along_after[SIGMA].abs(), after.clone());
-    if along_before[SIGMA].abs() < best.0 {
-        best = (along_before[SIGMA].abs(), before.clone());
-    }
+    let system = System { homotopy, vertical: before.vertical };
+    // Next to a fold sigma cannot lead.
+    let flatter = if before.along[SIGMA].abs() < after.along[SIGMA].abs() { before } else { after };
+    let held = leading(&flatter.along);
+    locate(&system, before, after, held, tolerance, |point, _| quantity(point)).point
+}
+
+/// Where `value`, a function of the points of a path and the tangents there, vanishes between two of
+/// them, within `tolerance`.
+///
+/// The secant through the ends, kept in the bracket by the Illinois rule, finds where along coordinate
+/// `held`. If Newton fails on the way the best point so far is the answer.
+fn locate<H: Homotopy>(
+    system: &System<'_, H>,
+    before: &Waypoint,
+    after: &Waypoint,
+    held: usize,
+    tolerance: f64,
+    value: impl Fn(&Point, &Coordinates) -> f64,
+) -> Waypoint {
+    let size = |waypoint: &Waypoint| value(&waypoint.point, &waypoint.along).abs();
+    let mut best = if size(before) < size(after) { before.clone() } else { after.clone() };
     let mut find = || -> Option<()> {
-        let linear = system.linearise(before)?;
-        let tangent = linear.tangent(leading(along_before), along_before)?;
-        let held = largest_force(along_after);
-        // How far along the held force the second point lies from the first.
-        let curve = &linear.curves[held].curve;
-        let moved = (after.states[held].force_n - before.states[held].force_n).dot(&curve.tangent);
-        let whole = moved / linear.scales[held] / tangent[held];
-        let mut low = (0.0, tangent[SIGMA]);
-        let turn_at = |length: f64| -> Option<(f64, Point)> {
-            let start = linear.advance(before, &tangent.map(|t| t * length), false);
+        let linear = system.linearise(&before.point)?;
+        let tangent = linear.tangent(leading(&before.along), &before.along)?;
+        // How far along the held coordinate the second point lies from the first.
+        let moved = if held == SIGMA {
+            after.point.sigma - before.point.sigma
+        } else {
+            let (from, to) = (&before.point.states[held], &after.point.states[held]);
+            (to.force_n - from.force_n).dot(&linear.curves[held].curve.tangent)
+                / linear.scales[held]
+        };
+        let whole = moved / tangent[held];
+        let mut low = (0.0, value(&before.point, &tangent));
+        let at = |length: f64| -> Option<(f64, Point, Coordinates)> {
+            let start = linear.advance(&before.point, &tangent.map(|t| t * length), false);
             let point = converge(system, &start, held)?;
-            let turn = system.linearise(&point)?.tangent(held, &tangent)?[SIGMA];
-            Some((turn, point))
+            let along = system.linearise(&point)?.tangent(held, &tangent)?;
+            Some((value(&point, &along), point, along))
         };
         // Curves bend: `whole` along the tangent need not reach `after`.
-        let mut high = (whole, turn_at(whole)?.0);
+        let mut high = (whole, at(whole)?.0);
         for _ in 0..BRACKET_STEPS {
             if (high.1 > 0.0) != (low.1 > 0.0) {
                 break;
             }
             high.0 *= 1.25;
-            high.1 = turn_at(high.0)?.0;
+            high.1 = at(high.0)?.0;
         }
-        for _ in 0..FOLD_STEPS {
+        for _ in 0..LOCATE_STEPS {
             let length = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
-            let (turn, point) = turn_at(length)?;
-            if turn.abs() < best.0 {
-                best = (turn.abs(), point);
+            let (found, point, along) = at(length)?;
+            if found.abs() < size(&best) {
+                best = Waypoint { point, along, ..before.clone() };
             }
-            if turn.abs() < FOLD_TOLERANCE {
+            if found.abs() < tolerance {
                 break;
             }
-            if (turn > 0.0) == (high.1 > 0.0) {
-                high = (length, turn);
+            if (found > 0.0) == (high.1 > 0.0) {
+                high = (length, found);
                 low.1 *= 0.5;
             } else {
                 low = high;
-                high = (length, turn);
+                high = (length, found);
             }
         }
         Some(())
     };
     find();
-    best.1
+    best
 }
 
 /// Whether a tension has grown so far beyond all weights, as they are at the `top` of the range, that

@@ -124,7 +124,7 @@ impl Kantorovich {
 }
 
 /// Newton with coordinate `held` fixed, to convergence.
-pub(super) fn converge<H: Homotopy>(
+pub(crate) fn converge<H: Homotopy>(
     system: &System<'_, H>,
     start: &Point,
     held: usize,

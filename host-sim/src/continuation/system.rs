@@ -21,10 +21,10 @@ use super::homotopy::Homotopy;
 /// Number of coordinates of a path: six forces and `sigma`.
 pub(super) const COORDINATES: usize = CABLES + 1;
 /// Index of `sigma` among them.
-pub(super) const SIGMA: usize = CABLES;
+pub(crate) const SIGMA: usize = CABLES;
 
 /// Values of all coordinates, or a direction in them, each force divided by its scale.
-pub(super) type Coordinates = [f64; COORDINATES];
+pub(crate) type Coordinates = [f64; COORDINATES];
 
 /// Relative step of the central difference in `sigma`: truncation and rounding both leave 1e-10.
 const SIGMA_STEP: f64 = 1e-5;
@@ -38,10 +38,10 @@ const VERTICAL_OPENING: f64 = 1e-9;
 
 /// A point near a path.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
-    pub(super) states: [CableState<f64>; CABLES],
+pub(crate) struct Point {
+    pub(crate) states: [CableState<f64>; CABLES],
     /// Logarithm of the parameter.
-    pub(super) sigma: f64,
+    pub(crate) sigma: f64,
 }
 
 /// The force curve of one cable at a point, and how it shifts with `sigma`.
@@ -53,10 +53,10 @@ pub(super) struct MovingCurve {
 }
 
 /// The equations of one pose, with the model of each cable either full or simplified.
-pub(super) struct System<'a, H> {
-    pub(super) homotopy: &'a H,
+pub(crate) struct System<'a, H> {
+    pub(crate) homotopy: &'a H,
     /// Cables treated by the simplified model: `Fx = 0`, the equation for `X` left out.
-    pub(super) vertical: [bool; CABLES],
+    pub(crate) vertical: [bool; CABLES],
 }
 
 // Derived, it would ask for `H: Clone`.
@@ -106,6 +106,12 @@ impl<H: Homotopy> System<'_, H> {
         })
     }
 
+    /// The elimination of the matrix of unit tangents at `point`, whose determinant and condition are
+    /// those of the solution; `None` when it or a cable is singular.
+    pub(crate) fn eliminate_tangents(&self, point: &Point) -> Option<Elimination<f64>> {
+        Elimination::new(&self.linearise(point)?.tangent_matrix())
+    }
+
     /// All equations, linearised at `point`; `None` when a cable is singular there.
     pub(super) fn linearise(&self, point: &Point) -> Option<Linearised<'_, H>> {
         let planes = self.homotopy.planes();
@@ -148,8 +154,7 @@ impl<H: Homotopy> Linearised<'_, H> {
         Matrix6::from_columns(&columns)
     }
 
-    /// The matrix of unit tangents, whose determinant and condition are those of the solution.
-    pub(super) fn tangent_matrix(&self) -> Matrix6<f64> {
+    fn tangent_matrix(&self) -> Matrix6<f64> {
         let planes = self.system.homotopy.planes();
         let columns: [Vector6<f64>; CABLES] =
             std::array::from_fn(|i| planes[i].wrench_n(&self.curves[i].curve.tangent));

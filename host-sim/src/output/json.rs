@@ -3,6 +3,7 @@
 use cdpr_core::CABLES;
 use serde::Serialize;
 
+use crate::branches::Parameter;
 use crate::complete::Kantorovich;
 use crate::continuation::{Branch, BranchEnd};
 use crate::enumerate::{Enumeration, FoundSolution, Method, ModelKind, Request, Retraced};
@@ -12,24 +13,9 @@ use crate::rigid::{RigidSolution, SlackSet};
 #[must_use]
 pub fn json(request: &Request, method: Method, answer: &Enumeration) -> impl Serialize + use<> {
     Document {
-        robot: request.robot.name.clone(),
-        model: request.model,
+        question: Question::of(request, None),
         method,
         complete: answer.is_complete(),
-        position_m: request.position_m,
-        rotation_vector_rad: request.rotation_vector_rad,
-        mass_kg: request.robot.load.mass_kg,
-        gravity_m_s2: request.robot.load.gravity_m_s2,
-        cables: std::array::from_fn(|i| {
-            let (material, limits) =
-                (&request.robot.robot.cables()[i].model, &request.robot.limits[i]);
-            Cable {
-                linear_density_kg_m: material.linear_density_kg_m,
-                axial_stiffness_n: material.axial_stiffness_n,
-                max_length_m: limits.max_length_m,
-                max_tension_n: limits.max_tension_n,
-            }
-        }),
         rigid: answer.rigid.solutions.iter().map(Rigid::from).collect(),
         rigid_undecided: answer.rigid.undecided.clone(),
         degree: Degree {
@@ -58,17 +44,11 @@ pub fn json(request: &Request, method: Method, answer: &Enumeration) -> impl Ser
 
 #[derive(Serialize)]
 struct Document {
-    robot: String,
-    model: ModelKind,
+    #[serde(flatten)]
+    question: Question,
     method: Method,
     /// Whether the solutions are proven to be all within the limits.
     complete: bool,
-    position_m: [f64; 3],
-    rotation_vector_rad: [f64; 3],
-    mass_kg: f64,
-    gravity_m_s2: f64,
-    /// Numbers that are infinite (no limit) become null.
-    cables: [Cable; CABLES],
     rigid: Vec<Rigid>,
     /// Slack sets on the border between solution and none.
     rigid_undecided: Vec<SlackSet>,
@@ -96,10 +76,48 @@ struct Search {
     pieces: usize,
 }
 
+/// What was asked; what varies is null.
+#[derive(Serialize)]
+pub(super) struct Question {
+    robot: String,
+    model: ModelKind,
+    position_m: [f64; 3],
+    rotation_vector_rad: [f64; 3],
+    mass_kg: Option<f64>,
+    gravity_m_s2: f64,
+    /// Numbers that are infinite (no limit) become null.
+    cables: [Cable; CABLES],
+}
+
+impl Question {
+    pub(super) fn of(request: &Request, varied: Option<Parameter>) -> Self {
+        let Request { robot, position_m, rotation_vector_rad, model } = request;
+        let fixed = |parameter, value| (varied != Some(parameter)).then_some(value);
+        let cable = |i: usize| {
+            let (material, limits) = (&robot.robot.cables()[i].model, &robot.limits[i]);
+            Cable {
+                linear_density_kg_m: fixed(Parameter::LinearDensity, material.linear_density_kg_m),
+                axial_stiffness_n: fixed(Parameter::AxialStiffness, material.axial_stiffness_n),
+                max_length_m: limits.max_length_m,
+                max_tension_n: limits.max_tension_n,
+            }
+        };
+        Self {
+            robot: robot.name.clone(),
+            model: *model,
+            position_m: *position_m,
+            rotation_vector_rad: *rotation_vector_rad,
+            mass_kg: fixed(Parameter::Mass, robot.load.mass_kg),
+            gravity_m_s2: robot.load.gravity_m_s2,
+            cables: std::array::from_fn(cable),
+        }
+    }
+}
+
 #[derive(Serialize)]
 struct Cable {
-    linear_density_kg_m: f64,
-    axial_stiffness_n: f64,
+    linear_density_kg_m: Option<f64>,
+    axial_stiffness_n: Option<f64>,
     max_length_m: f64,
     max_tension_n: f64,
 }
@@ -227,6 +245,6 @@ impl From<&Branch> for BranchReport {
     }
 }
 
-fn sign(is_positive: bool) -> i8 {
+pub(super) fn sign(is_positive: bool) -> i8 {
     if is_positive { 1 } else { -1 }
 }

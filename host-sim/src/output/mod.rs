@@ -1,5 +1,6 @@
 //! The answer for one pose, for people and for programs.
 
+pub mod diagram;
 mod json;
 pub mod pen;
 mod text;

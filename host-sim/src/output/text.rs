@@ -5,12 +5,13 @@ use std::fmt::Write as _;
 use cdpr_core::CABLES;
 use comfy_table::{CellAlignment, Table, presets};
 
+use crate::branches::{Parameter, Range};
 use crate::enumerate::{Enumeration, FoundSolution, ModelKind, Request, Retraced, SearchReport};
 
 /// The answer to `request` as text.
 #[must_use]
 pub fn text(request: &Request, answer: &Enumeration) -> String {
-    let mut out = heading(request);
+    let mut out = heading(request, None);
     let rigid = &answer.rigid.solutions;
     let _ = writeln!(
         out,
@@ -93,7 +94,8 @@ fn search_text(search: &SearchReport, answer: &Enumeration) -> String {
     out
 }
 
-fn heading(request: &Request) -> String {
+/// What was asked, with the range of what varies in place of its value.
+pub(super) fn heading(request: &Request, varied: Option<(Parameter, Range)>) -> String {
     let robot = &request.robot;
     let [x, y, z] = request.position_m;
     let [a, b, c] = request.rotation_vector_rad;
@@ -112,16 +114,25 @@ fn heading(request: &Request) -> String {
         }
     };
     let cables = robot.robot.cables();
+    let or_range = |parameter, value: String| match varied {
+        Some((varied, range)) if varied == parameter => range_text(range),
+        _ => value,
+    };
     format!(
         "{} at ({x}, {y}, {z}) m, rotation vector ({a}, {b}, {c}) rad, {} kg\n\
          cables: {model}, {} kg/m, EA {} N, at most {} m and {} N\n",
         robot.name,
-        plain(robot.load.mass_kg),
-        same(&|i| cables[i].model.linear_density_kg_m),
-        same(&|i| cables[i].model.axial_stiffness_n),
+        or_range(Parameter::Mass, plain(robot.load.mass_kg)),
+        or_range(Parameter::LinearDensity, same(&|i| cables[i].model.linear_density_kg_m)),
+        or_range(Parameter::AxialStiffness, same(&|i| cables[i].model.axial_stiffness_n)),
         same(&|i| robot.limits[i].max_length_m),
         same(&|i| robot.limits[i].max_tension_n),
     )
+}
+
+/// Both ends of a range, without the unit.
+pub(super) fn range_text(range: Range) -> String {
+    format!("{} to {}", plain(range.from()), plain(range.to()))
 }
 
 fn solution_text(number: usize, found: &FoundSolution) -> String {
@@ -176,7 +187,7 @@ fn solution_text(number: usize, found: &FoundSolution) -> String {
 }
 
 /// A borderless table, its first column to the left and the others to the right.
-fn new_table(first: &str, others: impl IntoIterator<Item = String>) -> Table {
+pub(super) fn new_table(first: &str, others: impl IntoIterator<Item = String>) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_header(std::iter::once(first.to_owned()).chain(others));
@@ -187,19 +198,24 @@ fn new_table(first: &str, others: impl IntoIterator<Item = String>) -> Table {
 }
 
 fn count(number: usize) -> String {
+    counted(number, "solution")
+}
+
+/// A number of things, in words.
+pub(super) fn counted(number: usize, thing: &str) -> String {
     match number {
-        0 => "no solution".to_owned(),
-        1 => "1 solution".to_owned(),
-        n => format!("{n} solutions"),
+        0 => format!("no {thing}"),
+        1 => format!("1 {thing}"),
+        n => format!("{n} {thing}{}", if thing.ends_with("ch") { "es" } else { "s" }),
     }
 }
 
-fn sign(is_positive: bool) -> &'static str {
+pub(super) fn sign(is_positive: bool) -> &'static str {
     if is_positive { "+" } else { "-" }
 }
 
 /// All digits, with an exponent where there would be many zeros.
-fn plain(value: f64) -> String {
+pub(super) fn plain(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || (1e-4..1e9).contains(&size) {
         format!("{value}")
@@ -213,7 +229,12 @@ fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
+    format!("{value:.0$}", decimals(value, 6).min(9))
+}
+
+/// How many decimals show this many significant digits of a number that is not zero.
+pub(super) fn decimals(value: f64, significant: i32) -> usize {
     #[allow(clippy::cast_possible_truncation)] // a decimal exponent
-    let digits = 5 - value.abs().log10().floor() as i32;
-    format!("{value:.0$}", usize::try_from(digits.clamp(0, 9)).unwrap_or(0))
+    let exponent = value.abs().log10().floor() as i32;
+    usize::try_from(significant - 1 - exponent).unwrap_or(0)
 }
