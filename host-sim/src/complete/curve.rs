@@ -160,19 +160,14 @@ impl<'a, M: Provable> Curve<'a, M> {
         along: Interval,
     ) -> Option<Node<M::End>> {
         let normal = Vector2::new(-tangent.y, tangent.x);
-        let at = |across: Interval, longer: Interval| {
-            let part = |origin: f64, t: f64, n: f64| {
-                Interval::point(origin) + along * Interval::point(t) + across * Interval::point(n)
-            };
-            self.enclosing.end_point(
-                Vector2::new(
-                    part(near.force_n.x, tangent.x, normal.x),
-                    part(near.force_n.y, tangent.y, normal.y),
-                ),
-                Interval::point(near.rest_length_m) + longer,
-            )
-        };
-        let residual = at(Interval::zero(), Interval::zero()).position_m - self.target;
+        let on_tangent = |origin: f64, t: f64| Interval::point(origin) + along * Interval::point(t);
+        let on_tangent = Vector2::new(
+            on_tangent(near.force_n.x, tangent.x),
+            on_tangent(near.force_n.y, tangent.y),
+        );
+        let length = Interval::point(near.rest_length_m);
+        // Called apart, so that the compiler leaves out what is not asked for.
+        let residual = self.enclosing.end_point(on_tangent, length).position_m - self.target;
         // Columns: across, longer. Any matrix will do as a preconditioner.
         let j = self.model.end_point(near.force_n, near.rest_length_m).jacobian;
         let (k, b) = (Matrix2::new(j.m11, j.m12, j.m21, j.m22), Vector2::new(j.m13, j.m23));
@@ -189,7 +184,8 @@ impl<'a, M: Provable> Curve<'a, M> {
         let mut radii = newton.zip_map(&least, |n, l| 2.0 * n.magnitude() + l);
         for _ in 0..BOX_ATTEMPTS {
             let around = radii.map(Interval::symmetric);
-            let j = at(around.x, around.y).jacobian;
+            let force = on_tangent + normal.map(|n| around.x * Interval::point(n));
+            let j = self.enclosing.end_point(force, length + around.y).jacobian;
             let normal = normal.map(Interval::point);
             let across =
                 Vector2::new(j.m11, j.m21) * normal.x + Vector2::new(j.m12, j.m22) * normal.y;
@@ -197,15 +193,9 @@ impl<'a, M: Provable> Curve<'a, M> {
             let contraction = Matrix2::identity() - inverse * columns;
             let image = newton + contraction * around;
             if image.x.is_inside(around.x) && image.y.is_inside(around.y) {
-                let part = |origin: f64, t: f64, n: Interval| {
-                    Interval::point(origin) + along * Interval::point(t) + image.x * n
-                };
                 let state = CableState {
-                    force_n: Vector2::new(
-                        part(near.force_n.x, tangent.x, normal.x),
-                        part(near.force_n.y, tangent.y, normal.y),
-                    ),
-                    rest_length_m: Interval::point(near.rest_length_m) + image.y,
+                    force_n: on_tangent + normal.map(|n| n * image.x),
+                    rest_length_m: length + image.y,
                 };
                 // The contract speaks of cables that are not slack beyond measure and pull outwards.
                 let physical = state.rest_length_m.low() > 0.0 && state.force_n.x.low() > 0.0;
