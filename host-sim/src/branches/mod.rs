@@ -16,9 +16,9 @@ use cdpr_core::{CABLES, CableState, GeometryFault, IrvineCatenary, LinearElastic
 
 use crate::cases::Overrides;
 use crate::continuation::{
-    self, BranchEnd, Homotopy, Point, Quantity, System, Waypoint, locate_crossing,
+    self, BranchEnd, Homotopy, Point, Quantity, Solution, System, Waypoint, locate_crossing,
 };
-use crate::enumerate::{Method, ModelKind, Options, Request};
+use crate::enumerate::{ModelKind, Options, Request};
 use crate::problem::{FromMaterial, Problem};
 use crate::rigid::{RigidSolutions, SlackSet};
 use crate::robot_file::CableLimits;
@@ -351,17 +351,26 @@ impl Diagram {
     }
 }
 
-/// The solutions of one problem, from which branches are followed; those beyond limits as well.
+/// How far beyond the limits solutions are looked for, so that branches are followed which leave them
+/// on the way or come in from outside.
+const BEYOND_LIMITS: f64 = 4.0;
+
+/// The solutions of one problem, from which branches are followed: all within [`BEYOND_LIMITS`] times
+/// its limits, proven, and those further out that continuation finds.
 fn solutions_at(request: &Request) -> Result<Vec<Start>, GeometryFault> {
-    let method = Method::Continuation;
-    let answer = request.enumerate(Options { method, ..Options::default() })?;
-    let start = |end: BranchEnd| match end {
-        BranchEnd::Solution(solution) | BranchEnd::BeyondLimit { solution, .. } => {
-            Some((solution.states, solution.vertical))
-        }
+    let mut request = request.clone();
+    for limits in &mut request.robot.limits {
+        limits.max_length_m *= BEYOND_LIMITS;
+        limits.max_tension_n *= BEYOND_LIMITS;
+    }
+    let answer = request.enumerate(Options::default())?;
+    let start = |solution: Solution| (solution.states, solution.vertical);
+    let beyond = answer.branches.into_iter().filter_map(|branch| match branch.end {
+        BranchEnd::BeyondLimit { solution, .. } => Some(solution),
         _ => None,
-    };
-    Ok(answer.branches.into_iter().filter_map(|branch| start(branch.end)).collect())
+    });
+    let within = answer.solutions.into_iter().map(|found| found.solution);
+    Ok(within.chain(beyond).map(start).collect())
 }
 
 fn traced<M: FromMaterial>(
