@@ -258,6 +258,10 @@ impl<'a, M: Provable> Curve<'a, M> {
         let box_across = (offset.y * chord.x - offset.x * chord.y) * per_size_sq;
         let box_along = (offset.x * chord.x + offset.y * chord.y) * per_size_sq;
         let mut across = across.intersection(box_across)?;
+        if !slope.is_finite() {
+            // Going up, the force of a cable need not stay between those of its ends.
+            reach = reach.max(box_along.magnitude());
+        }
         // So does the strip along the line from anchor to attachment. Against the chord, which runs
         // from one offset to another, a point of the strip is between their differences.
         if offset_n.is_bounded() {
@@ -265,22 +269,20 @@ impl<'a, M: Provable> Curve<'a, M> {
             let line = -self.chord();
             let (nx, nz) = (Interval::point(-line.y), Interval::point(line.x));
             let offset = |f: &Vector2<f64>| nx * Interval::point(f.x) + nz * Interval::point(f.y);
-            let ends = offset(&from).hull(offset(&to));
+            let chord_ends = offset(&center_n) + Interval::symmetric(reach) * offset(&half_chord_n);
             // The normal of the chord against that of the line, at least this much of it.
             let cosine = (nz * chord.x - nx * chord.y) / Interval::point(size);
             let line_error = Interval::symmetric(
                 8.0 * f64::EPSILON * hull.force_n.map(Interval::magnitude).sum(),
             );
             if cosine.low() > 0.5 {
-                let width = (-offset_n - ends + line_error) / (Interval::point(size) * cosine);
+                let width =
+                    (-offset_n - chord_ends + line_error) / (Interval::point(size) * cosine);
                 across = across.intersection(width)?;
             }
         }
         if !across.is_bounded() {
             return None;
-        }
-        if !slope.is_finite() {
-            reach = reach.max(box_along.magnitude());
         }
         let center_n = center_n + normal_n * across.middle();
         let thickness = across.radius()
