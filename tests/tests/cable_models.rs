@@ -1,12 +1,16 @@
 //! The end-point maps and their derivatives, against 50-digit data, difference quotients,
 //! quadrature of the defining integral, and the limits in which closed forms exist.
 
+#[path = "../../host-sim/examples/user_rope/rope.rs"]
+mod rope;
+
 use cdpr_core::{
     CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola, Real,
 };
 use cdpr_tests::{CableCase, cable_cases, random_tests, tolerance};
 use nalgebra::{Matrix2x3, Vector2};
 use proptest::prelude::*;
+use rope::StiffeningRope;
 
 /// A cable under a force, away from the singular points.
 #[derive(Clone, Copy, Debug)]
@@ -225,6 +229,128 @@ proptest! {
         check_contract(elastic, &state)?;
         check_contract(NonDeformable, &state)?;
     }
+}
+
+proptest! {
+    #![proptest_config(random_tests(20_000))]
+
+    #[test]
+    fn force_curves_run_as_the_proofs_expect(
+        state in states(),
+        stiffening in (1e-3_f64.ln()..1e3_f64.ln()).prop_map(f64::exp),
+    ) {
+        check_course(state.irvine(), &state)?;
+        check_course(state.parabola(), &state)?;
+        check_course(LinearElastic { compliance_per_n: state.compliance_per_n }, &state)?;
+        let State { weight_n_m, compliance_per_n, .. } = state;
+        let stiffening_n = stiffening * state.force_n.norm();
+        check_course(StiffeningRope { weight_n_m, compliance_per_n, stiffening_n }, &state)?;
+    }
+}
+
+/// The lengths at which a cable between two points is looked at, as parts of their distance: soft ones
+/// down to half of it, slack ones up to a thousand times.
+const LENGTHS: [f64; 2] = [0.5, 1e3];
+const LENGTHS_OF_A_CABLE: i32 = 300;
+
+/// The same at one cable of growing length, from the forces alone: what a derivative with a mistake
+/// in it could hide.
+fn check_growing(model: impl CableModel<f64>, x_m: f64, z_m: f64) -> Result<(), TestCaseError> {
+    let distance_m = x_m.hypot(z_m);
+    let ratio = (LENGTHS[1] / LENGTHS[0]).powf(f64::from(LENGTHS_OF_A_CABLE).recip());
+    let mut last: Option<(Vector2<f64>, Vector2<f64>, f64)> = None;
+    for n in 0..LENGTHS_OF_A_CABLE {
+        let length_m = distance_m * LENGTHS[0] * ratio.powi(n);
+        // A stiff cable cannot be that short.
+        let Ok(line) = model.force_at_length(x_m, z_m, length_m) else { continue };
+        let end = model.end_point(line.force_n, length_m);
+        let compliance = end.jacobian.fixed_columns::<2>(0).into_owned();
+        let Some(stiffness) = compliance.try_inverse() else { continue };
+        let force_n = line.force_n;
+        let at_anchor_n = force_n.y - model.weight_n_m() * length_m;
+        let sizes = length_m + x_m + z_m.abs();
+        let error_n = tolerance::FORCE
+            * f64::EPSILON
+            * (stiffness.norm() * sizes + force_n.norm() + at_anchor_n.abs());
+        let now = (force_n, Vector2::new(force_n.y, at_anchor_n), error_n);
+        if let Some((before_n, ends_n, error_before_n)) = last {
+            let rounding = error_n + error_before_n;
+            prop_assert!(force_n.x <= before_n.x + rounding, "Fx rises at {length_m}");
+            if z_m <= 0.0 {
+                prop_assert!(now.1.x >= ends_n.x - rounding, "Fz falls at {length_m}");
+            }
+            if z_m >= 0.0 {
+                prop_assert!(now.1.y <= ends_n.y + rounding, "Fz - wL rises at {length_m}");
+            }
+        }
+        last = Some(now);
+    }
+    prop_assert!(last.is_some(), "no force at any length");
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(random_tests(50))]
+
+    #[test]
+    fn longer_cables_pull_as_the_proofs_expect(
+        steepness in -12.0..12.0_f64,
+        level in proptest::bool::weighted(0.1),
+        strain in (1e-8_f64.ln()..0.3_f64.ln()).prop_map(f64::exp),
+        stiffening in (1e-3_f64.ln()..1e3_f64.ln()).prop_map(f64::exp),
+    ) {
+        // One metre and one newton per metre: all others follow by scaling. A large steepness, which is
+        // a hyperbolic angle, is a nearly vertical cable.
+        let (x_m, z_m) = if level { (1.0, 0.0) } else { (steepness.cosh().recip(), steepness.tanh()) };
+        let (weight_n_m, compliance_per_n) = (1.0, strain);
+        check_growing(IrvineCatenary { weight_n_m, compliance_per_n }, x_m, z_m)?;
+        check_growing(Parabola { weight_n_m, compliance_per_n }, x_m, z_m)?;
+        let rope = StiffeningRope { weight_n_m, compliance_per_n, stiffening_n: stiffening };
+        check_growing(rope, x_m, z_m)?;
+    }
+}
+
+/// The contract on the force curve through this state, from the derivative: `Fx` falls, at the lower
+/// end of the cable the pull down falls, and the weight pulls somewhere between the ends.
+///
+/// `dF/dL = -K^-1 b`, so `-adj(K) b` has its signs; with entries that are off by [`DERIVATIVE`] a sum of
+/// two products is off by three times that (a rounding of its own included) of its terms.
+///
+/// [`DERIVATIVE`]: tolerance::DERIVATIVE
+fn check_course(model: impl CableModel<f64>, state: &State) -> Result<(), TestCaseError> {
+    let &State { force_n, rest_length_m: length, .. } = state;
+    let end = model.end_point(force_n, length);
+    let (x, z) = (end.position_m.x, end.position_m.y);
+    let row = |i| {
+        end.jacobian
+            .row(i)
+            .component_mul(&[[1.0], [1.0], [length / force_n.lp_norm(1)]].into())
+            .amax()
+    };
+    let error = 3.0 * tolerance::DERIVATIVE * f64::EPSILON * (force_n.lp_norm(1) / length);
+    let (size, weight_n_m) = (row(0) * row(1), model.weight_n_m());
+    let j = &end.jacobian;
+    let by_length = Vector2::new(j.m12 * j.m23 - j.m13 * j.m22, j.m13 * j.m21 - j.m11 * j.m23);
+    let determinant = j.m11 * j.m22 - j.m12 * j.m21;
+    let rounding = error * size;
+    prop_assert!(by_length.x <= rounding, "Fx rises: {:e}, {rounding:e}", by_length.x);
+    if z <= 0.0 {
+        prop_assert!(by_length.y >= -rounding, "Fz falls: {:e}, {rounding:e}", by_length.y);
+    }
+    if z >= 0.0 {
+        let at_anchor = by_length.y - weight_n_m * determinant;
+        let rounding = rounding * (1.0 + weight_n_m * length / force_n.lp_norm(1));
+        prop_assert!(at_anchor <= rounding, "Fz - wL rises: {at_anchor:e}, {rounding:e}");
+    }
+    let moment = x * force_n.y - z * force_n.x;
+    let rounding = tolerance::END_POINT
+        * f64::EPSILON
+        * state.stretched_length_m()
+        * (force_n.lp_norm(1) + weight_n_m * length);
+    let weight = weight_n_m * length * x;
+    prop_assert!(moment >= -rounding, "moment {moment:e}, {rounding:e}");
+    prop_assert!(moment <= weight + rounding, "moment {moment:e} of {weight:e}, {rounding:e}");
+    Ok(())
 }
 
 /// Position and derivative of two models agree to rounding.
