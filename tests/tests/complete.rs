@@ -1,14 +1,18 @@
 //! The complete search against 40-digit solutions, continuation, random starts, and the degree of the
 //! pose; at folds, limits and vertical cables, and with questions that make no sense.
 
-use cdpr_core::{CABLES, IrvineCatenary, Parabola};
+use cdpr_core::{CABLES, IrvineCatenary, LinearElastic, Parabola, Robot};
 use cdpr_host_sim::complete::{Complete, Place, Proof, Provable, complete};
 use cdpr_host_sim::continuation::BranchEnd;
 use cdpr_host_sim::enumerate::{Difference, ModelKind, Options, Request};
 use cdpr_host_sim::interval::Interval;
 use cdpr_host_sim::problem::FromMaterial;
-use cdpr_host_sim::robot_file::CableLimits;
-use cdpr_tests::{RefinedSolution, multistart, paper_cases, random, random_tests, refined_cases};
+use cdpr_host_sim::robot_file::{CableLimits, CableMaterial, RobotDescription};
+use cdpr_tests::{
+    RefinedSolution, multistart, paper_cases, random, random_tests, refined_cases, tolerance,
+};
+use nalgebra::Vector3;
+use rand::RngExt;
 
 /// Radius of an enclosed rest length or force, relative to it. A solution is proven within 1e-5 of its
 /// forces, and curves leave their chords by the square of that, times bend and condition; largest
@@ -270,4 +274,243 @@ fn two_solutions_that_meet_are_undecided_and_never_one() {
     assert!(found.undecided.iter().any(held), "{double_m}: {:?}", found.undecided);
     let answer = paper_pose(density).enumerate(Options::default()).expect("a valid pose");
     assert!(!answer.is_complete());
+}
+
+/// One cable with a limit of its own, all other limits as wide as in the reference cases.
+fn with_limit(request: &Request, cable: usize, limit: CableLimits) -> Request {
+    let mut request = request.clone();
+    request.robot.limits[cable] = limit;
+    request
+}
+
+/// The reference solution that a limit is about, looked for among all that the search reports.
+fn reported(found: &Complete, solution: &RefinedSolution) -> (usize, usize, usize) {
+    let inside = found.solutions.iter().filter(|proof| encloses(proof, solution));
+    let outside = found.outside.iter().filter(|outside| encloses(&outside.proof, solution));
+    let undecided = found.undecided.iter().filter(|place| {
+        place.states.iter().zip(&solution.lengths_m).all(|(state, m)| holds(state.rest_length_m, m))
+    });
+    (inside.count(), undecided.count(), outside.count())
+}
+
+/// Distance from a limit, relative to it, that is certainly more than the radius of an enclosure, and
+/// less than the part of `1e-6` by which the search looks beyond limits.
+const BESIDE_LIMIT: f64 = 20.0 * ENCLOSURE;
+
+#[test]
+fn a_solution_at_a_limit_is_undecided() {
+    for case in refined_cases() {
+        let request = case.pose.request();
+        let problem = request.problem::<IrvineCatenary<f64>>().expect("a pose");
+        for solution in &case.pose.solutions {
+            let number = |digits: &String| digits.parse::<f64>().expect("a decimal number");
+            for cable in 0..CABLES {
+                let length_m = number(&solution.lengths_m[cable]);
+                let (fx_n, fz_n) = (number(&solution.fx_n[cable]), number(&solution.fz_n[cable]));
+                let weight_n = problem.model(cable).weight_n_m * length_m;
+                let tension_n = fx_n.hypot(fz_n).max(fx_n.hypot(fz_n - weight_n));
+                let limits = request.robot.limits[cable];
+                for (change, expected) in
+                    [(BESIDE_LIMIT, (1, 0, 0)), (0.0, (0, 1, 0)), (-BESIDE_LIMIT, (0, 0, 1))]
+                {
+                    let max_length_m = length_m * (1.0 + change);
+                    let limit = CableLimits { max_length_m, ..limits };
+                    let found =
+                        searched::<IrvineCatenary<f64>>(&with_limit(&request, cable, limit));
+                    assert_eq!(reported(&found, solution), expected, "{max_length_m} m, {found:?}");
+
+                    let max_tension_n = tension_n * (1.0 + change);
+                    let limit = CableLimits { max_tension_n, ..limits };
+                    let found =
+                        searched::<IrvineCatenary<f64>>(&with_limit(&request, cable, limit));
+                    assert_eq!(
+                        reported(&found, solution),
+                        expected,
+                        "{max_tension_n} N, {found:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// MARIONET-CRANE at `position_m` with the anchor of one cable straight above its attachment there.
+fn hanging_straight(cable: usize, position_m: [f64; 3]) -> Request {
+    let crane = RobotDescription::marionet_crane();
+    let mut cables = *crane.robot.cables();
+    let attachment_m = Vector3::from(position_m) + cables[cable].attachment_m;
+    cables[cable].anchor_m.x = attachment_m.x;
+    cables[cable].anchor_m.y = attachment_m.y;
+    Request {
+        robot: RobotDescription { robot: Robot::new(cables).expect("a robot"), ..crane },
+        position_m,
+        rotation_vector_rad: [0.0; 3],
+        model: ModelKind::Irvine,
+    }
+}
+
+/// How fast the lengths move with the platform. A slack one moves by some hundred metres per metre (as
+/// its tension times the distance of others from theirs), a taut one by at most about one.
+const LENGTH_PER_OFFSET: f64 = 300.0;
+
+#[test]
+fn vertical_cables_are_searched() {
+    // Cable 4 slack at the paper's pose; at the other one, where all six are taut, each of them.
+    let mut requests = vec![hanging_straight(3, [4.0, 7.0, 2.0])];
+    requests.extend((0..CABLES).map(|cable| hanging_straight(cable, [2.0, 7.0, 2.5])));
+    let mut solutions = 0;
+    for request in requests {
+        let answer = |offset_m: f64| {
+            let mut request = request.clone();
+            request.position_m[1] += offset_m;
+            let answer = request.enumerate(Options::default()).expect("a valid pose");
+            assert!(answer.is_complete(), "{offset_m:e}: {:?}", answer.search);
+            assert_eq!(answer.differences, [], "{offset_m:e}");
+            assert!(answer.solutions.iter().all(|found| found.proof.is_some()), "{offset_m:e}");
+            answer
+        };
+        let exact = answer(0.0);
+        solutions += exact.solutions.len();
+        for exponent in 3..16 {
+            for offset_m in [0.1_f64.powi(exponent), -0.1_f64.powi(exponent)] {
+                let near = answer(offset_m);
+                assert_eq!(near.solutions.len(), exact.solutions.len(), "{offset_m:e}");
+                for (a, b) in near.solutions.iter().zip(&exact.solutions) {
+                    assert_eq!(a.origin, b.origin);
+                    for (a, b) in a.solution.states.iter().zip(&b.solution.states) {
+                        let change = (a.rest_length_m - b.rest_length_m).abs();
+                        let bound = LENGTH_PER_OFFSET * offset_m.abs()
+                            + tolerance::SOLUTION_LENGTH * b.rest_length_m;
+                        assert!(change < bound, "{offset_m:e}: {change:e}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(solutions >= 4, "{solutions}");
+}
+
+/// MARIONET-CRANE with two of its anchors below the platform, which then help to pull it down.
+fn with_low_anchors(case: u64) -> Request {
+    let mut numbers = random::numbers(case);
+    let mut request = random::request(&mut numbers);
+    let mut cables = *request.robot.robot.cables();
+    let first = numbers.random_range(0..CABLES);
+    let second = (first + numbers.random_range(1..CABLES)) % CABLES;
+    for cable in [first, second] {
+        cables[cable].anchor_m.z = -3.0;
+    }
+    request.robot.robot = Robot::new(cables).expect("a robot");
+    // A push down and sideways tightens them.
+    request.robot.load.force_n = Vector3::from_fn(|_, _| numbers.random_range(-0.5..0.5))
+        * request.robot.load.mass_kg
+        * 9.81;
+    request
+}
+
+#[test]
+fn attachments_above_anchors_with_catenaries() {
+    check_many::<IrvineCatenary<f64>>(with_low_anchors, ModelKind::Irvine, 300);
+}
+
+#[test]
+fn attachments_above_anchors_with_parabolas() {
+    check_many::<Parabola<f64>>(with_low_anchors, ModelKind::Parabolic, 300);
+}
+
+/// MARIONET-CRANE with the anchor of one cable exactly as high as its attachment, or next to it.
+fn with_a_level_cable(case: u64) -> Request {
+    let mut numbers = random::numbers(case);
+    let mut request = random::request(&mut numbers);
+    request.rotation_vector_rad = [0.0; 3];
+    let mut cables = *request.robot.robot.cables();
+    let cable = &mut cables[numbers.random_range(0..CABLES)];
+    let level_m = request.position_m[2] + cable.attachment_m.z;
+    cable.anchor_m.z = match case % 3 {
+        0 => level_m,
+        1 => level_m.next_up(),
+        _ => level_m - 1e-9,
+    };
+    request.robot.robot = Robot::new(cables).expect("a robot");
+    request
+}
+
+#[test]
+fn level_cables_with_catenaries() {
+    check_many::<IrvineCatenary<f64>>(with_a_level_cable, ModelKind::Irvine, 300);
+}
+
+#[test]
+fn level_cables_with_parabolas() {
+    check_many::<Parabola<f64>>(with_a_level_cable, ModelKind::Parabolic, 300);
+}
+
+#[test]
+fn without_a_tension_limit_the_search_refuses() {
+    let mut request = paper_cases().remove(0).request();
+    request.robot.limits[4].max_tension_n = f64::INFINITY;
+    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    assert!(!answer.is_complete());
+    assert_eq!(answer.solutions.len(), 1, "continuation needs no limit");
+    let refusal = answer.search.and_then(|search| search.refusal).expect("a refusal");
+    assert!(refusal.contains("cable 5: no tension limit"), "{refusal}");
+    // The weight of the cable limits its length.
+    let mut request = paper_cases().remove(0).request();
+    request.robot.limits[3].max_length_m = f64::INFINITY;
+    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    assert!(answer.is_complete() && answer.solutions.len() == 1);
+}
+
+/// Masses, cables and limits that nobody has.
+fn absurd(case: u64) -> Request {
+    let mut numbers = random::numbers(case);
+    let mut request = random::request(&mut numbers);
+    let mut any = |choices: &[f64]| choices[numbers.random_range(0..choices.len())];
+    let linear_density_kg_m = any(&[1e-9, 1e-5, 0.079, 10.0, 1e3]);
+    let axial_stiffness_n = any(&[1e2, 1e4, 1e6, 1e12, f64::INFINITY]);
+    request.robot.load.mass_kg = any(&[1e-6, 1e-2, 10.0, 1e3, 1e6]);
+    let limits = CableLimits {
+        max_length_m: any(&[0.0, 1.0, 20.0, 1e4, 1e12, f64::INFINITY]),
+        max_tension_n: any(&[0.0, 1e-3, 1e3, 1e7, 1e15, 1e200]),
+    };
+    let material = CableMaterial { linear_density_kg_m, axial_stiffness_n };
+    request.robot.robot = request.robot.robot.map_models(|_, _| material);
+    with_limits(&request, limits)
+}
+
+/// Whether the search says that its answer is complete; when it does, random starts and continuation
+/// must not know better.
+fn holds_out<M: FromMaterial + Provable>(request: &Request, case: u64) -> bool {
+    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    let contradicted =
+        |d: &Difference| matches!(d, Difference::Unconfirmed { contradicted: true, .. });
+    assert!(!answer.differences.iter().any(contradicted), "case {case}: {:?}", answer.differences);
+    let problem = request.problem::<M>().expect("a valid pose");
+    let found = complete(&problem);
+    let complete = found.as_ref().is_ok_and(|found| found.undecided.is_empty());
+    assert_eq!(answer.is_complete(), complete, "case {case}");
+    let Ok(found) = found else { return false };
+    assert_all_apart(&found.solutions, &format!("case {case}"));
+    if complete {
+        for solution in multistart::solutions(&problem, STARTS, &mut random::numbers(case)) {
+            let proofs = found.solutions.iter().filter(|proof| proof.holds(&solution.states));
+            assert_eq!(proofs.count(), 1, "case {case}: {:?}", solution.states);
+        }
+    }
+    complete
+}
+
+#[test]
+fn absurd_questions_are_answered_truly_or_not_at_all() {
+    let (mut complete, cases) = (0, random_tests(300).cases);
+    for case in 0..cases.into() {
+        let request = absurd(case);
+        complete += u32::from(holds_out::<IrvineCatenary<f64>>(&request, case));
+        let request = Request { model: ModelKind::Parabolic, ..request };
+        complete += u32::from(holds_out::<Parabola<f64>>(&request, case));
+        let request = Request { model: ModelKind::Elastic, ..request };
+        complete += u32::from(holds_out::<LinearElastic<f64>>(&request, case));
+    }
+    println!("{complete} of {} complete", 3 * cases);
+    assert!(complete > cases, "{complete} of {}", 3 * cases);
 }
