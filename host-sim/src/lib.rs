@@ -4,9 +4,9 @@
 //! allocator, a file system or time:
 //!
 //! [`robot_file`] (what the robot is) → [`problem`] (one pose of it) → [`rigid`] (all solutions with
-//! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back) →
-//! [`enumerate`] (the answer for one pose) → [`branches`] (over a range of a parameter) → [`output`]
-//! (as text, JSON or a picture). [`cases`] reads many poses from a file, [`in_order`] asks for them on
+//! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back), and in
+//! [`interval`] arithmetic [`complete`] (all of them, with a proof) → [`enumerate`] (the answer for one
+//! pose) → [`branches`] (over a range of a parameter) → [`output`] (as text, JSON or a picture). [`cases`] reads many poses from a file, [`in_order`] asks for them on
 //! all cores, [`cli`] is the command line.
 
 pub mod branches;

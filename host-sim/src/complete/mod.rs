@@ -89,6 +89,15 @@ impl Proof {
         })
     }
 
+    /// Largest radius of the enclosure of a force, relative to it.
+    fn relative_radius(&self) -> f64 {
+        let radius = self.nodes.iter().map(|node| {
+            let force = node.state.force_n;
+            (force.x.radius() + force.y.radius()) / node.near.force_n.norm()
+        });
+        radius.fold(0.0, f64::max)
+    }
+
     /// Whether `states`, known to be near a solution, are near this one: well inside the box in which
     /// it is the only one.
     #[must_use]

@@ -30,12 +30,16 @@ const CONVERGED: f64 = 1e-8;
 const PROOF_RADIUS: f64 = 1e-5;
 const PROOF_SHRINK: f64 = 0.1;
 const PROOF_ATTEMPTS: usize = 4;
+/// An enclosure of this radius, relative to the forces, is tight enough.
+const TIGHT: f64 = 1e-11;
 /// Distance of a cut from the range that it separates, in half chords, at least.
 const CUT_BESIDE: f64 = 1e-6;
 /// A range of this radius, in half chords, decides where a stretch is cut.
 const NARROW: f64 = 0.1;
 /// A range of this radius may lie within one part of a stretch.
 const WIDE: f64 = 0.75;
+/// How far beyond a solution a box is extended to hold it, relative to the force.
+const BEYOND_SOLUTION: f64 = 1e-6;
 /// A solution further than this from a box, in half chords, is not looked for by extending it.
 const NEAR: f64 = 4.0;
 
@@ -152,6 +156,12 @@ impl<E> Piece<E> {
         let chord = self.half_chord_n.map(Interval::point);
         let offset = node.state.force_n - self.center_n.map(Interval::point);
         (offset.x * chord.x + offset.y * chord.y) / (chord.x.square() + chord.y.square())
+    }
+
+    /// Whether the points of the curve with these rest lengths belong to it.
+    fn spans(&self, length_m: Interval) -> bool {
+        length_m.low() >= self.shorter.state.rest_length_m.high()
+            && length_m.high() <= self.longer.state.rest_length_m.low()
     }
 
     /// How large it is against its own force.
@@ -310,11 +320,18 @@ impl<'a, M: Provable> Search<'a, M> {
         if (0..CABLES).any(far) {
             return false;
         }
-        if let Some(known) = self.found.proofs.iter().position(|p| p.holds(&solution)) {
-            let nodes = self.found.proofs[known].nodes;
-            return self.covers(candidate, &nodes);
+        let known = |states: &_| {
+            let known = self.found.proofs.iter().find(|p| p.holds(states))?;
+            Some(self.covers(candidate, &known.nodes))
+        };
+        if let Some(settled) = known(&solution) {
+            return settled;
         }
         let Some(proof) = self.prove(&solution) else { return false };
+        // Newton's method may have stopped too far from a known solution to see that it is one.
+        if let Some(settled) = known(&proof.states()) {
+            return settled;
+        }
         let settled = self.covers(candidate, &proof.nodes);
         if settled {
             self.found.proofs.push(proof);
@@ -329,30 +346,40 @@ impl<'a, M: Provable> Search<'a, M> {
         let mut changed = false;
         for (k, node) in nodes.iter().enumerate() {
             let length = node.state.rest_length_m;
-            let (shorter, longer) = (extended[k].shorter, extended[k].longer);
-            let inside = length.low() >= shorter.state.rest_length_m.high()
-                && length.high() <= longer.state.rest_length_m.low();
-            if inside {
+            if extended[k].spans(length) {
                 continue;
             }
+            let (shorter, longer) = (extended[k].shorter, extended[k].longer);
             changed = true;
             let curve = &self.trees[k].curve;
-            // A point of the curve beyond the solution, as far from it as rounding needs.
+            // A point of the curve beyond the solution, further from it than its enclosure reaches.
             let beyond = |towards: f64| {
-                let step = 1e-6 * (node.near.force_n.norm() + self.least_n) * towards;
-                curve.beside(&node.near, node.tangent, step)
+                let force = node.state.force_n;
+                let step_n = BEYOND_SOLUTION * (node.near.force_n.norm() + self.least_n)
+                    + 4.0 * (force.x.radius() + force.y.radius());
+                curve.beside(&node.near, node.tangent, step_n * towards)
             };
-            let piece = if length.middle() < shorter.near.rest_length_m {
-                beyond(-1.0).and_then(|end| curve.piece(end, longer))
-            } else if length.middle() > longer.near.rest_length_m {
-                beyond(1.0).and_then(|end| curve.piece(shorter, end))
-            } else if length.low() < shorter.state.rest_length_m.high() {
-                beyond(-1.0).and_then(|end| curve.piece(end, longer))
-            } else {
-                beyond(1.0).and_then(|end| curve.piece(shorter, end))
+            let is_before = |a: &Node<_>, b: &Node<_>| {
+                a.state.rest_length_m.high() <= b.state.rest_length_m.low()
             };
-            let Some(piece) = piece else { return false };
-            extended[k] = piece;
+            let (mut from, mut to) = (shorter, longer);
+            if length.low() < shorter.state.rest_length_m.high() {
+                match beyond(-1.0) {
+                    Some(end) if is_before(&end, &shorter) => from = end,
+                    _ => return false,
+                }
+            }
+            if length.high() > longer.state.rest_length_m.low() {
+                match beyond(1.0) {
+                    Some(end) if is_before(&longer, &end) => to = end,
+                    _ => return false,
+                }
+            }
+            // The solution must be in it, or the proof would be about nothing.
+            match curve.piece(from, to) {
+                Some(piece) if piece.spans(length) => extended[k] = piece,
+                _ => return false,
+            }
         }
         if !changed {
             return true;
@@ -365,13 +392,28 @@ impl<'a, M: Provable> Search<'a, M> {
     pub(super) fn prove(&self, solution: &[CableState<f64>; CABLES]) -> Option<Proof> {
         let wrench_n = self.problem.balance.wrench_n();
         let mut relative = PROOF_RADIUS;
+        let mut proof = None;
         for _ in 0..PROOF_ATTEMPTS {
-            if let Some(proof) = self.prove_within(solution, relative, wrench_n) {
-                return Some(proof);
+            proof = self.prove_within(solution, relative, wrench_n);
+            if proof.is_some() {
+                break;
             }
             relative *= PROOF_SHRINK;
         }
-        None
+        let mut proof = proof?;
+        // Where the curves bend much, a smaller box encloses the same solution better.
+        for _ in 0..PROOF_ATTEMPTS {
+            let found = proof.relative_radius();
+            relative *= PROOF_SHRINK;
+            if found < TIGHT || relative < 8.0 * found {
+                break;
+            }
+            let Some(tighter) = self.prove_within(&proof.states(), relative, wrench_n) else {
+                break;
+            };
+            proof.nodes = tighter.nodes;
+        }
+        Some(proof)
     }
 
     fn prove_within(

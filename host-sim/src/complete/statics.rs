@@ -148,10 +148,12 @@ pub(super) fn examine<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) 
         thickness_share[j] = seen.sum() * piece.thickness;
         slope_share[j] = seen.sum() * piece.slope;
     }
+    // A maximum that keeps NaN, which proves nothing.
+    let contraction = slopes.iter().fold(0.0, |most, s| if *s <= most { most } else { *s });
     let verdict = Verdict {
         center,
         radius: radius * UPWARDS,
-        contraction: slopes.max() * UPWARDS,
+        contraction: contraction * UPWARDS,
         inverse_norm: rows.iter().copied().fold(0.0, f64::max),
         thickness_share,
         slope_share,
