@@ -167,7 +167,16 @@ impl<'a, M: Provable> Curve<'a, M> {
         );
         let length = Interval::point(near.rest_length_m);
         // Called apart, so that the compiler leaves out what is not asked for.
-        let residual = self.enclosing.end_point(on_tangent, length).position_m - self.target;
+        let mut residual =
+            self.enclosing.end_point(near.force_n.map(Interval::point), length).position_m
+                - self.target;
+        if !along.is_zero() {
+            // By the mean value: along a taut cable the end hardly moves, which the position does not
+            // show in intervals, but the derivative does.
+            let j = self.enclosing.end_point(on_tangent, length).jacobian;
+            let (x, z) = (Interval::point(tangent.x), Interval::point(tangent.y));
+            residual += Vector2::new(j.m11 * x + j.m12 * z, j.m21 * x + j.m22 * z) * along;
+        }
         // Columns: across, longer. Any matrix will do as a preconditioner.
         let j = self.model.end_point(near.force_n, near.rest_length_m).jacobian;
         let (k, b) = (Matrix2::new(j.m11, j.m12, j.m21, j.m22), Vector2::new(j.m13, j.m23));
@@ -309,7 +318,7 @@ impl<'a, M: Provable> Curve<'a, M> {
     }
 
     /// The box of forces and lengths between two points of the curve, by its monotonicity.
-    fn hull(
+    pub(super) fn hull(
         &self,
         shorter: &CableState<Interval>,
         longer: &CableState<Interval>,

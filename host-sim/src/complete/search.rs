@@ -32,14 +32,15 @@ const PROOF_SHRINK: f64 = 0.1;
 const PROOF_ATTEMPTS: usize = 4;
 /// An enclosure of this radius, relative to the forces, is tight enough.
 const TIGHT: f64 = 1e-11;
+/// How far beyond a solution a box is extended, in radii of the box in which it was proven: enough for
+/// its enclosure, which lies inside, and not more than needed.
+const BEYOND_SOLUTION: [f64; 4] = [0.03, 0.1, 0.3, 1.0];
 /// Distance of a cut from the range that it separates, in half chords, at least.
 const CUT_BESIDE: f64 = 1e-6;
 /// A range of this radius, in half chords, decides where a stretch is cut.
 const NARROW: f64 = 0.1;
 /// A range of this radius may lie within one part of a stretch.
 const WIDE: f64 = 0.75;
-/// How far beyond a solution a box is extended to hold it, relative to the force.
-const BEYOND_SOLUTION: f64 = 1e-6;
 /// A solution further than this from a box, in half chords, is not looked for by extending it.
 const NEAR: f64 = 4.0;
 
@@ -283,13 +284,11 @@ impl<'a, M: Provable> Search<'a, M> {
     }
 
     fn give_up(&mut self, candidate: &Box6) {
-        let place = Place::of(&self.pieces(candidate));
-        // Neighbours are one place.
-        for known in &mut self.found.undecided {
-            if known.touches(&place) {
-                *known = known.hull(&place);
-                return;
-            }
+        let mut place = Place::of(&self.pieces(candidate));
+        // Neighbours are one place, also those that only this one connects.
+        let places = &mut self.found.undecided;
+        while let Some(known) = places.iter().position(|known| known.touches(&place)) {
+            place = place.hull(&places.swap_remove(known));
         }
         self.found.undecided.push(place);
     }
@@ -321,8 +320,8 @@ impl<'a, M: Provable> Search<'a, M> {
             return false;
         }
         let known = |states: &_| {
-            let known = self.found.proofs.iter().find(|p| p.holds(states))?;
-            Some(self.covers(candidate, &known.nodes))
+            let known = self.found.proofs.iter().find(|proof| proof.holds(states))?;
+            Some(self.covers(candidate, known))
         };
         if let Some(settled) = known(&solution) {
             return settled;
@@ -332,54 +331,50 @@ impl<'a, M: Provable> Search<'a, M> {
         if let Some(settled) = known(&proof.states()) {
             return settled;
         }
-        let settled = self.covers(candidate, &proof.nodes);
+        let settled = self.covers(candidate, &proof);
         if settled {
             self.found.proofs.push(proof);
         }
         settled
     }
 
-    /// Whether a box, extended to the solution at `nodes` where that lies outside, has at most one
+    /// Whether a box, extended to the solution of `proof` where that lies outside, has at most one
     /// solution, which is this one then.
-    fn covers(&self, candidate: &Box6, nodes: &[Node<()>; CABLES]) -> bool {
+    fn covers(&self, candidate: &Box6, proof: &Proof) -> bool {
         let mut extended = self.pieces(candidate).map(|p| *p);
         let mut changed = false;
-        for (k, node) in nodes.iter().enumerate() {
+        for (k, node) in proof.nodes.iter().enumerate() {
             let length = node.state.rest_length_m;
             if extended[k].spans(length) {
                 continue;
             }
-            let (shorter, longer) = (extended[k].shorter, extended[k].longer);
             changed = true;
             let curve = &self.trees[k].curve;
-            // A point of the curve beyond the solution, further from it than its enclosure reaches.
-            let beyond = |towards: f64| {
-                let force = node.state.force_n;
-                let step_n = BEYOND_SOLUTION * (node.near.force_n.norm() + self.least_n)
-                    + 4.0 * (force.x.radius() + force.y.radius());
-                curve.beside(&node.near, node.tangent, step_n * towards)
+            let (mut shorter, mut longer) = (extended[k].shorter, extended[k].longer);
+            // A point of the curve beyond the solution, as far from it as its enclosure needs, and
+            // beyond the end that it takes the place of.
+            let beyond = |towards: f64, reaches: &dyn Fn(Interval) -> bool| {
+                BEYOND_SOLUTION
+                    .iter()
+                    .filter_map(|part| {
+                        let step_n = towards * part * proof.radii_n[k];
+                        curve.beside(&node.near, node.tangent, step_n)
+                    })
+                    .find(|end| reaches(end.state.rest_length_m))
             };
-            let is_before = |a: &Node<_>, b: &Node<_>| {
-                a.state.rest_length_m.high() <= b.state.rest_length_m.low()
-            };
-            let (mut from, mut to) = (shorter, longer);
-            if length.low() < shorter.state.rest_length_m.high() {
-                match beyond(-1.0) {
-                    Some(end) if is_before(&end, &shorter) => from = end,
-                    _ => return false,
-                }
+            let (first, last) = (shorter.state.rest_length_m, longer.state.rest_length_m);
+            if first.high() > length.low() {
+                let bound = first.low().min(length.low());
+                let Some(end) = beyond(-1.0, &|l| l.high() <= bound) else { return false };
+                shorter = end;
             }
-            if length.high() > longer.state.rest_length_m.low() {
-                match beyond(1.0) {
-                    Some(end) if is_before(&longer, &end) => to = end,
-                    _ => return false,
-                }
+            if last.low() < length.high() {
+                let bound = last.high().max(length.high());
+                let Some(end) = beyond(1.0, &|l| l.low() >= bound) else { return false };
+                longer = end;
             }
-            // The solution must be in it, or the proof would be about nothing.
-            match curve.piece(from, to) {
-                Some(piece) if piece.spans(length) => extended[k] = piece,
-                _ => return false,
-            }
+            let Some(piece) = curve.piece(shorter, longer) else { return false };
+            extended[k] = piece;
         }
         if !changed {
             return true;
