@@ -250,7 +250,7 @@ fn two_solutions_that_meet_are_undecided_and_never_one() {
     assert_eq!(format!("{density:.8}"), "0.00419299");
     let assert_undecided = |found: &Complete| {
         // The three others, and neither one nor two of those that meet.
-        assert_eq!(found.solutions.len(), 3);
+        assert_eq!(found.solutions.len(), 3, "{:?}", lengths_3(found));
         assert!(meeting(found).is_none() && !found.undecided.is_empty());
         for place in &found.undecided {
             let length = place.states[2].rest_length_m;

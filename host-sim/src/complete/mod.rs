@@ -15,6 +15,8 @@ mod curve;
 mod model;
 mod search;
 mod statics;
+#[cfg(test)]
+mod tests;
 
 use cdpr_core::{CABLES, CableModel, CableState};
 use nalgebra::Vector2;
