@@ -162,7 +162,7 @@ fn random_piece<M: Provable>(curve: &Curve<'_, M>, numbers: &mut Numbers) -> Opt
         curve.node(random_state(curve, numbers)?)?
     } else {
         let step_n = numbers.log_within(1e-4, 1.0) * first.near.force_n.norm();
-        curve.beside(&first, numbers.sign() * step_n)?
+        curve.beside(&first.near, first.tangent, numbers.sign() * step_n)?
     };
     let in_order = first.near.rest_length_m < second.near.rest_length_m;
     let (shorter, longer) = if in_order { (first, second) } else { (second, first) };
@@ -413,7 +413,7 @@ fn around<M: Provable>(
     let node = curve.node(*state)?;
     let mut beside = |towards: f64| {
         let step_n = numbers.log_within(1e-6, largest) * state.force_n.norm();
-        curve.beside(&node, towards * step_n)
+        curve.beside(&node.near, node.tangent, towards * step_n)
     };
     let (shorter, longer) = (beside(-1.0)?, beside(1.0)?);
     curve.piece(shorter, longer)
@@ -427,8 +427,8 @@ fn spanning<M: Provable>(
 ) -> Option<Piece<M::End>> {
     let (a, b) = if a.rest_length_m < b.rest_length_m { (a, b) } else { (b, a) };
     let (first, last) = (curve.node(*a)?, curve.node(*b)?);
-    let before = curve.beside(&first, -1e-3 * a.force_n.norm())?;
-    let behind = curve.beside(&last, 1e-3 * b.force_n.norm())?;
+    let before = curve.beside(&first.near, first.tangent, -1e-3 * a.force_n.norm())?;
+    let behind = curve.beside(&last.near, last.tangent, 1e-3 * b.force_n.norm())?;
     curve.piece(before, behind)
 }
 
