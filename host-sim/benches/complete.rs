@@ -12,7 +12,7 @@ use std::time::Instant;
 use cdpr_core::IrvineCatenary;
 use cdpr_host_sim::cases::Overrides;
 use cdpr_host_sim::complete::complete;
-use cdpr_host_sim::continuation;
+use cdpr_host_sim::continuation::{self, Steps};
 use cdpr_host_sim::enumerate::{ModelKind, Request};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::rigid::RigidSolutions;
@@ -63,7 +63,7 @@ fn run(position_m: [f64; 3], mass_kg: f64) -> Pose {
     assert!(found.undecided.is_empty(), "undecided at {position_m:?}");
     let start = Instant::now();
     let rigid = RigidSolutions::of(&problem.balance);
-    let branches = continuation::direct(&problem, &rigid.solutions);
+    let branches = continuation::direct(&problem, &rigid.solutions, Steps::Tested);
     let continuation_us = 1e6 * start.elapsed().as_secs_f64();
     assert_eq!(branches.len(), rigid.solutions.len());
     Pose {

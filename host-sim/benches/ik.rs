@@ -139,13 +139,24 @@ mod step {
 /// All solutions of one pose by continuation.
 mod enumerate {
     use cdpr_host_sim::cases::Overrides;
-    use cdpr_host_sim::enumerate::{ModelKind, Options, Request};
+    use cdpr_host_sim::continuation::Steps;
+    use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
     use cdpr_host_sim::robot_file::RobotDescription;
     use divan::{Bencher, black_box};
 
-    /// The paper's pose with five solutions.
+    /// The paper's pose with five solutions, every step proven.
     #[divan::bench]
-    fn five_solutions(bencher: Bencher) {
+    fn five_solutions_certified(bencher: Bencher) {
+        five_solutions(bencher, Steps::Certified);
+    }
+
+    /// The same with sampled tests of the steps.
+    #[divan::bench]
+    fn five_solutions_tested(bencher: Bencher) {
+        five_solutions(bencher, Steps::Tested);
+    }
+
+    fn five_solutions(bencher: Bencher, steps: Steps) {
         let changes = Overrides {
             mass_kg: Some(10.0),
             linear_density_kg_m: Some(0.004),
@@ -157,8 +168,8 @@ mod enumerate {
             rotation_vector_rad: [0.0; 3],
             model: ModelKind::Irvine,
         };
-        let count =
-            || black_box(&request).enumerate(Options::default()).map(|found| found.solutions.len());
+        let options = Options { method: Method::Continuation, steps, ..Options::default() };
+        let count = || black_box(&request).enumerate(options).map(|found| found.solutions.len());
         assert_eq!(count(), Ok(5));
         bencher.bench_local(count);
     }

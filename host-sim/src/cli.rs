@@ -10,6 +10,7 @@ use tempfile::NamedTempFile;
 
 use crate::branches::{BranchesError, Diagram, Parameter, Range};
 use crate::cases::{self, CasesError, Overrides};
+use crate::continuation::Steps;
 use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
 use crate::output;
@@ -90,6 +91,9 @@ struct Enumerate {
     /// How to search
     #[arg(long, value_enum, default_value_t = Method::Both)]
     method: Method,
+    /// How sure each step of continuation is
+    #[arg(long, value_enum, default_value_t = Steps::Certified)]
+    steps: Steps,
     /// Follow every solution back to non-deformable cables as well (the inverse scheme)
     #[arg(long)]
     retrace: bool,
@@ -235,6 +239,7 @@ impl Enumerate {
         let json = self.format == Format::Json;
         let answer = request.enumerate(enumerate::Options {
             method: self.method,
+            steps: self.steps,
             retrace: self.retrace,
             kantorovich: json,
         })?;

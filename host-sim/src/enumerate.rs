@@ -11,7 +11,7 @@ use cdpr_core::{
 use nalgebra::{Matrix6, UnitQuaternion, Vector2, Vector3};
 
 use crate::complete::{Kantorovich, Place, Provable, Refusal, complete, kantorovich};
-use crate::continuation::{self, Branch, BranchEnd, Solution};
+use crate::continuation::{self, Branch, BranchEnd, Solution, Steps};
 use crate::problem::{FromMaterial, Problem};
 use crate::rigid::{RigidSolution, RigidSolutions, SlackSet};
 use crate::robot_file::RobotDescription;
@@ -223,6 +223,8 @@ fn sign(is_positive: bool) -> i32 {
 pub struct Options {
     /// How to search.
     pub method: Method,
+    /// How sure each step of continuation is.
+    pub steps: Steps,
     /// Follow every solution back by the inverse scheme.
     pub retrace: bool,
     /// Find the Kantorovich numbers of every proven solution, which takes about as long as the search.
@@ -284,7 +286,8 @@ impl Request {
             differences: Vec::new(),
         };
         if options.method.continues() {
-            answer.branches = continuation::direct(&problem, &answer.rigid.solutions);
+            answer.branches =
+                continuation::direct(&problem, &answer.rigid.solutions, options.steps);
             for branch in &answer.branches {
                 if let BranchEnd::Solution(solution) = &branch.end {
                     answer.solutions.push(FoundSolution {
@@ -304,7 +307,8 @@ impl Request {
             // With both methods, a solution that continuation does not reach is explained.
             let unexplained = found.origin.is_none() && options.method.continues();
             if options.retrace || unexplained {
-                let end = continuation::inverse(&problem, &answer.rigid.solutions, &found.solution);
+                let rigid = &answer.rigid.solutions;
+                let end = continuation::inverse(&problem, rigid, &found.solution, options.steps);
                 found.retraced = Some(end.map_or(Retraced::Nowhere, Retraced::Rigid));
             }
         }
@@ -451,7 +455,7 @@ impl Request {
             if matches!(end, BranchEnd::Solution(_)) {
                 solutions.push(found);
             }
-            branches.push(Branch { origin, end, folds: Vec::new(), steps: 0, largest_h: 0.0 });
+            branches.push(Branch::without_steps(origin, end));
         }
         let search = method.searches().then(|| SearchReport {
             refusal: Some("rigid cables are solved by linear algebra, without a proof".to_owned()),

@@ -200,6 +200,61 @@ impl Interval {
     }
 }
 
+impl Interval {
+    /// Exponential function.
+    ///
+    /// That of libm (FreeBSD's) errs by less than one unit in the last place, which is at most two
+    /// units of rounding; below the smallest normal number nothing is known of it.
+    #[must_use]
+    #[inline]
+    pub fn exp(self) -> Self {
+        let (low, high) = (libm::exp(self.low()), libm::exp(self.high));
+        let least = f64::MIN_POSITIVE;
+        let negated_low = if low > least { up_by(-low, 3.0) } else { -0.0 };
+        Self::checked(negated_low, up_by(high.max(least), 3.0))
+    }
+
+    /// Derivative of [`Scalar::atanh_tail`] by `q`, that is `2q/5 + 4q^3/7 + 6q^5/9 + ...`, for
+    /// `0 <= q < 1` with its complement to one. All terms rise with `q`.
+    #[must_use]
+    pub(crate) fn atanh_tail_slope(q: Self, complement: Self) -> Self {
+        let one = Self::one();
+        let from_q = one - q;
+        // As for the tail: of q and 1 - complement the tighter one counts at each end.
+        let low = if complement.high < from_q.high {
+            let end = Self::point(complement.high.min(1.0));
+            tail_slope(one - end, end)
+        } else {
+            let end = Self::point(q.low().max(0.0));
+            tail_slope(end, one - end)
+        };
+        let high = if complement.low() > from_q.low() {
+            let end = Self::point(complement.low());
+            tail_slope(one - end, end)
+        } else {
+            let end = Self::point(q.high);
+            tail_slope(end, one - end)
+        };
+        Self::checked(low.negated_low, high.high)
+    }
+}
+
+/// The slope of the tail for a thin interval `q` with its complement to one.
+///
+/// From `q^3 tail + q = atanh(q)` it is `(1/(1 - q^2) - 3 tail)/q`. That cancels for small `q`, where
+/// it is between the first two terms and these with the second over `(1 - q^2)^2`: the coefficient of
+/// `q^(2k - 1)`, `2k/(2k + 3)`, is at most `(k - 1) 4/7`.
+fn tail_slope(q: Interval, complement: Interval) -> Interval {
+    let (one, four) = (Interval::one(), Interval::point(4.0));
+    let open = complement * (one + q);
+    if q.high < 0.25 {
+        let first = Interval::point(2.0) * q / Interval::point(5.0);
+        let second = four * q * q.square() / Interval::point(7.0);
+        return (first + second).hull(first + second / open.square());
+    }
+    (one / open - Interval::point(3.0) * tail(q, complement)) / q
+}
+
 impl fmt::Debug for Interval {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "[{:e}, {:e}]", self.low(), self.high)

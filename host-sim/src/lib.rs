@@ -14,6 +14,7 @@ pub mod cases;
 pub mod cli;
 pub mod complete;
 pub mod continuation;
+pub mod dual;
 pub mod enumerate;
 pub mod in_order;
 pub mod interval;

@@ -3,7 +3,7 @@
 use cdpr_core::{CABLES, CableState, IrvineCatenary, NewtonStep, newton};
 use cdpr_host_sim::branches::{Border, Diagram, Doubt, Fold, Parameter, Range, SolutionBranch};
 use cdpr_host_sim::cases::Overrides;
-use cdpr_host_sim::continuation::{BranchEnd, Quantity};
+use cdpr_host_sim::continuation::{BranchEnd, Quantity, Steps};
 use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
 use cdpr_host_sim::rigid::SlackSet;
 use cdpr_host_sim::robot_file::RobotDescription;
@@ -17,8 +17,12 @@ use proptest::prelude::*;
 const PAPER_FOLD: (f64, f64) = (0.004_192_992_413_708_873, 58.132_243_466_279);
 
 /// How solutions at single values are found, those beyond limits as well.
-const CONTINUATION: Options =
-    Options { method: Method::Continuation, retrace: false, kantorovich: false };
+const CONTINUATION: Options = Options {
+    method: Method::Continuation,
+    steps: Steps::Tested,
+    retrace: false,
+    kantorovich: false,
+};
 
 /// The paper's pose with five solutions, at the density where it has them.
 fn paper_pose() -> Request {

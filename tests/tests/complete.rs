@@ -3,8 +3,8 @@
 
 use cdpr_core::{CABLES, IrvineCatenary, LinearElastic, Parabola, Robot};
 use cdpr_host_sim::complete::{Complete, Place, Proof, Provable, complete};
-use cdpr_host_sim::continuation::BranchEnd;
-use cdpr_host_sim::enumerate::{Difference, ModelKind, Options, Request};
+use cdpr_host_sim::continuation::{BranchEnd, Steps};
+use cdpr_host_sim::enumerate::{Difference, Method, ModelKind, Options, Request};
 use cdpr_host_sim::interval::Interval;
 use cdpr_host_sim::problem::FromMaterial;
 use cdpr_host_sim::robot_file::{CableLimits, CableMaterial, RobotDescription};
@@ -13,6 +13,10 @@ use cdpr_tests::{
 };
 use nalgebra::Vector3;
 use rand::RngExt;
+
+/// Both methods; the steps of continuation are proven by other tests.
+const TESTED_STEPS: Options =
+    Options { method: Method::Both, steps: Steps::Tested, retrace: false, kantorovich: false };
 
 /// Radius of an enclosed rest length or force, relative to it. A solution is proven within 1e-5 of its
 /// forces, and curves leave their chords by the square of that, times bend and condition; largest
@@ -103,7 +107,7 @@ struct Seen {
 /// Both methods agree, random starts find nothing else, and with wide limits the solutions add up to
 /// the degree, which only the directions of the curves far out decide.
 fn check<M: FromMaterial + Provable>(request: &Request, case: u64, seen: &mut Seen) {
-    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    let answer = request.enumerate(TESTED_STEPS).expect("a valid pose");
     assert!(answer.is_complete(), "case {case}: {:?}", answer.search);
     for difference in &answer.differences {
         match difference {
@@ -127,7 +131,7 @@ fn check<M: FromMaterial + Provable>(request: &Request, case: u64, seen: &mut Se
     seen.missed_by_starts += found.solutions.len() - started.len();
 
     let wide = with_limits(request, WIDE);
-    let unlimited = wide.enumerate(Options::default()).expect("a valid pose");
+    let unlimited = wide.enumerate(TESTED_STEPS).expect("a valid pose");
     assert!(unlimited.is_complete(), "case {case}: {:?}", unlimited.search);
     let everywhere = searched::<M>(&wide);
     assert_all_apart(&everywhere.solutions, &format!("case {case}, wide limits"));
@@ -272,7 +276,7 @@ fn two_solutions_that_meet_are_undecided_and_never_one() {
     assert_undecided(&found);
     let held = |place: &Place| place.states[2].rest_length_m.contains(double_m);
     assert!(found.undecided.iter().any(held), "{double_m}: {:?}", found.undecided);
-    let answer = paper_pose(density).enumerate(Options::default()).expect("a valid pose");
+    let answer = paper_pose(density).enumerate(TESTED_STEPS).expect("a valid pose");
     assert!(!answer.is_complete());
 }
 
@@ -363,7 +367,7 @@ fn vertical_cables_are_searched() {
         let answer = |offset_m: f64| {
             let mut request = request.clone();
             request.position_m[1] += offset_m;
-            let answer = request.enumerate(Options::default()).expect("a valid pose");
+            let answer = request.enumerate(TESTED_STEPS).expect("a valid pose");
             assert!(answer.is_complete(), "{offset_m:e}: {:?}", answer.search);
             assert_eq!(answer.differences, [], "{offset_m:e}");
             assert!(answer.solutions.iter().all(|found| found.proof.is_some()), "{offset_m:e}");
@@ -449,7 +453,7 @@ fn level_cables_with_parabolas() {
 fn without_a_tension_limit_the_search_refuses() {
     let mut request = paper_cases().remove(0).request();
     request.robot.limits[4].max_tension_n = f64::INFINITY;
-    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    let answer = request.enumerate(TESTED_STEPS).expect("a valid pose");
     assert!(!answer.is_complete());
     assert_eq!(answer.solutions.len(), 1, "continuation needs no limit");
     let refusal = answer.search.and_then(|search| search.refusal).expect("a refusal");
@@ -457,7 +461,7 @@ fn without_a_tension_limit_the_search_refuses() {
     // The weight of the cable limits its length.
     let mut request = paper_cases().remove(0).request();
     request.robot.limits[3].max_length_m = f64::INFINITY;
-    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    let answer = request.enumerate(TESTED_STEPS).expect("a valid pose");
     assert!(answer.is_complete() && answer.solutions.len() == 1);
 }
 
@@ -481,7 +485,7 @@ fn absurd(case: u64) -> Request {
 /// Whether the search says that its answer is complete; when it does, random starts and continuation
 /// must not know better.
 fn holds_out<M: FromMaterial + Provable>(request: &Request, case: u64) -> bool {
-    let answer = request.enumerate(Options::default()).expect("a valid pose");
+    let answer = request.enumerate(TESTED_STEPS).expect("a valid pose");
     let contradicted =
         |d: &Difference| matches!(d, Difference::Unconfirmed { contradicted: true, .. });
     assert!(!answer.differences.iter().any(contradicted), "case {case}: {:?}", answer.differences);

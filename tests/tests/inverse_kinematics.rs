@@ -5,7 +5,7 @@ use cdpr_core::{
     CABLES, Cable, CableModel, IrvineCatenary, NewtonStep, Parabola, Pose, Robot, newton,
 };
 use cdpr_host_sim::cases::Overrides;
-use cdpr_host_sim::continuation::{BranchEnd, Solution};
+use cdpr_host_sim::continuation::{BranchEnd, Solution, Steps};
 use cdpr_host_sim::enumerate::{Enumeration, Method, ModelKind, Options, Request, Retraced};
 use cdpr_host_sim::rigid::SlackSet;
 use cdpr_host_sim::robot_file::RobotDescription;
@@ -407,7 +407,7 @@ proptest! {
             model: if parabolic { ModelKind::Parabolic } else { ModelKind::Irvine },
         };
         // Without limits only continuation has an end.
-        let options = Options { method: Method::Continuation, retrace: true, ..Options::default() };
+        let options = Options { method: Method::Continuation, steps: Steps::Tested, retrace: true, ..Options::default() };
         let answer = request.enumerate(options).expect("a valid pose");
         prop_assert_eq!(answer.degree(), answer.rigid.degree());
         for branch in &answer.branches {

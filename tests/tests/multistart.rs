@@ -2,7 +2,7 @@
 //! continuation, with which it shares neither starts nor path.
 
 use cdpr_core::{CABLES, CableState, IrvineCatenary};
-use cdpr_host_sim::continuation::{Branch, BranchEnd};
+use cdpr_host_sim::continuation::{Branch, BranchEnd, Steps};
 use cdpr_host_sim::enumerate::{Method, Options, Request};
 use cdpr_host_sim::rigid::RigidSolutions;
 use cdpr_tests::multistart::{self, Found};
@@ -72,7 +72,8 @@ fn solutions_without_a_rigid_origin_are_found() {
 /// The oracle misses nothing that continuation finds, and what it finds adds up to the degree of the
 /// pose: it could only miss whole pairs.
 fn assert_found(request: &Request, case: u64) {
-    let options = Options { method: Method::Continuation, ..Options::default() };
+    let options =
+        Options { method: Method::Continuation, steps: Steps::Tested, ..Options::default() };
     let answer = request.enumerate(options).expect("a valid pose");
     // One of a pair may lie beyond a limit, so the degree is that of all solutions.
     let (rigid, found) = found(&random::without_limits(request.clone()), case);

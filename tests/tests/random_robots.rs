@@ -1,13 +1,18 @@
 //! Continuation for robots of any shape, with any cables.
 
-use cdpr_host_sim::continuation::BranchEnd;
+use cdpr_host_sim::continuation::{BranchEnd, Steps};
 use cdpr_host_sim::enumerate::{Method, Options, Retraced};
 use cdpr_tests::{multistart, random, random_tests};
 
 #[test]
 fn degree_is_invariant_and_every_branch_is_accounted_for() {
     let (mut solved, mut followed, mut given_up) = (0, 0, 0);
-    let options = Options { method: Method::Continuation, retrace: true, ..Options::default() };
+    let options = Options {
+        method: Method::Continuation,
+        steps: Steps::Tested,
+        retrace: true,
+        ..Options::default()
+    };
     let cases = random_tests(3000).cases;
     for case in 0..cases.into() {
         let request = random::request_of_random_robot(&mut random::numbers(case));

@@ -5,7 +5,7 @@ mod rope;
 
 use cdpr_core::{CableModel, IrvineCatenary, Pose};
 use cdpr_host_sim::complete::complete;
-use cdpr_host_sim::continuation::{BranchEnd, direct, inverse};
+use cdpr_host_sim::continuation::{BranchEnd, Steps, direct, inverse};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::rigid::RigidSolutions;
 use cdpr_host_sim::robot_file::RobotDescription;
@@ -57,10 +57,14 @@ fn all_of_the_library_works_with_it() {
     let pose = Pose::new(Vector3::new(4.0, 7.0, 2.0), UnitQuaternion::identity()).expect("a pose");
     let problem = Problem::new(robot, &crane.load, &pose, crane.limits).expect("a problem");
     let rigid = RigidSolutions::of(&problem.balance);
-    let branches = direct(&problem, &rigid.solutions);
+    let branches = direct(&problem, &rigid.solutions, Steps::Certified);
     let [branch] = &branches[..] else { panic!("one branch") };
+    assert!(branch.is_certified(), "{branch}");
     let BranchEnd::Solution(solution) = &branch.end else { panic!("{branch}") };
-    assert_eq!(inverse(&problem, &rigid.solutions, solution), Some(branch.origin));
+    assert_eq!(
+        inverse(&problem, &rigid.solutions, solution, Steps::Certified),
+        Some(branch.origin)
+    );
 
     // All solutions, with a proof.
     let found = complete(&problem).expect("a search");

@@ -79,6 +79,10 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
         Self { weight_n_m: self.weight_n_m * s, compliance_per_n: self.compliance_per_n * s }
     }
 
+    fn with_weight(&self, weight_n_m: T) -> Option<Self> {
+        Some(Self { weight_n_m, ..*self })
+    }
+
     /// One equation for `S`; at most [`line::root_iteration_bound`] iterations, usually 2.
     fn force_at_length(
         &self,

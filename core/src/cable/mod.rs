@@ -59,6 +59,18 @@ pub trait CableModel<T: Scalar>: Copy {
     #[must_use]
     fn at_deformation(&self, s: T) -> Self;
 
+    /// The same cable with another weight per rest length, N/m, if the model obeys the law of similar
+    /// cables: `r` times as long, of `1/r` the weight per length, stretching alike under the same
+    /// tension, it ends `r` times as far away under the same force. Every local law of stretch does.
+    ///
+    /// Proofs about slack cables are much sharper with it: as the weight per length changes their
+    /// length does too, and only in the product, the weight of all of it, does that not show. The
+    /// default does without.
+    #[must_use]
+    fn with_weight(&self, _weight_n_m: T) -> Option<Self> {
+        None
+    }
+
     /// The force at the attachment of a single cable of given rest length between two given points
     /// (`x_m >= 0`, `z_m`: attachment relative to anchor).
     ///

@@ -109,6 +109,10 @@ impl<T: Scalar> CableModel<T> for Parabola<T> {
         Self { weight_n_m: self.weight_n_m * s, compliance_per_n: self.compliance_per_n * s }
     }
 
+    fn with_weight(&self, weight_n_m: T) -> Option<Self> {
+        Some(Self { weight_n_m, ..*self })
+    }
+
     /// `M` points along the chord, so with `d` the distance of the ends
     /// `d = L |M| (1/T_m + 1/EA)` is one equation for `|M|`. Its right side rises with `|M|`,
     /// because `T_m/|M|` is the mean of `|chord + (W/|M|)(1/2 - u) z|`, which is convex and even in

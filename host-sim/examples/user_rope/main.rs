@@ -5,7 +5,7 @@
 mod rope;
 
 use cdpr_core::Pose;
-use cdpr_host_sim::continuation;
+use cdpr_host_sim::continuation::{self, Steps};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::rigid::RigidSolutions;
 use cdpr_host_sim::robot_file::RobotDescription;
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let pose = Pose::new(Vector3::new(4.0, 7.0, 2.0), UnitQuaternion::identity())?;
     let problem = Problem::new(robot, &crane.load, &pose, crane.limits)?;
     let rigid = RigidSolutions::of(&problem.balance);
-    for branch in continuation::direct(&problem, &rigid.solutions) {
+    for branch in continuation::direct(&problem, &rigid.solutions, Steps::Certified) {
         println!("branch {}: {branch}", branch.origin);
         if let continuation::BranchEnd::Solution(solution) = &branch.end {
             for (cable, state) in solution.states.iter().enumerate() {

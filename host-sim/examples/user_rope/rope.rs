@@ -12,6 +12,7 @@
 
 use cdpr_core::{CableModel, CableState, EndPoint, IrvineCatenary, Scalar};
 use cdpr_host_sim::complete::Provable;
+use cdpr_host_sim::dual::Dual;
 use cdpr_host_sim::interval::Interval;
 use nalgebra::{Matrix2, Vector2};
 
@@ -83,19 +84,36 @@ impl<T: Scalar> CableModel<T> for StiffeningRope<T> {
             stiffening_n: self.stiffening_n,
         }
     }
+
+    /// Its stretch is a matter of the tension alone, so similar ropes are similar.
+    fn with_weight(&self, weight_n_m: T) -> Option<Self> {
+        Some(Self { weight_n_m, ..*self })
+    }
 }
 
-/// With this the solutions can be proven, too: the rope in interval arithmetic is the same source.
+impl StiffeningRope<f64> {
+    /// The same rope in another kind of number.
+    fn map<T>(self, number: impl Fn(f64) -> T) -> StiffeningRope<T> {
+        StiffeningRope {
+            weight_n_m: number(self.weight_n_m),
+            compliance_per_n: number(self.compliance_per_n),
+            stiffening_n: number(self.stiffening_n),
+        }
+    }
+}
+
+/// With this the solutions are proven, and every step of a path. (The five nodes of the quadrature are part of the model.)
 impl Provable for StiffeningRope<f64> {
     type Enclosing = StiffeningRope<Interval>;
+    type Moving = StiffeningRope<Dual>;
     type End = ();
 
     fn enclosing(&self) -> Self::Enclosing {
-        StiffeningRope {
-            weight_n_m: Interval::point(self.weight_n_m),
-            compliance_per_n: Interval::point(self.compliance_per_n),
-            stiffening_n: Interval::point(self.stiffening_n),
-        }
+        self.map(Interval::point)
+    }
+
+    fn moving(&self) -> Self::Moving {
+        self.map(Dual::point)
     }
 
     fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}

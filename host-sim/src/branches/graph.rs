@@ -9,7 +9,7 @@ use cdpr_core::{CABLES, CableState};
 
 use super::Doubt;
 use crate::continuation::{
-    End, Homotopy, Path, Point, SIGMA, System, Waypoint, converge, follow, same_states,
+    Accuracy, End, Homotopy, Path, Point, SIGMA, System, Waypoint, converge, follow, same_states,
 };
 
 /// The longest step is divided by this, so that a drawing of the points looks smooth.
@@ -125,7 +125,7 @@ impl<'a, H: Homotopy> Graph<'a, H> {
     fn add_start(&mut self, value: usize, (states, vertical): &Start) {
         let system = System { homotopy: self.homotopy, vertical: *vertical };
         let start = Point { states: *states, sigma: self.sigmas[value] };
-        match converge(&system, &start, SIGMA) {
+        match converge(&system, &start, SIGMA, Accuracy::Full) {
             Some(point) if same_states(&point.states, states) => {
                 let (vertical, pieces) = (*vertical, [None; 2]);
                 self.nodes[value].push(Node { point, vertical, is_start: true, pieces });

@@ -15,8 +15,9 @@ use std::fmt;
 use cdpr_core::{CABLES, CableState, GeometryFault, IrvineCatenary, LinearElastic, Parabola};
 
 use crate::cases::Overrides;
+use crate::complete::Provable;
 use crate::continuation::{
-    self, BranchEnd, Homotopy, Point, Quantity, Solution, System, Waypoint, locate_crossing,
+    self, BranchEnd, Homotopy, Point, Quantity, Solution, Steps, System, Waypoint, locate_crossing,
 };
 use crate::enumerate::{ModelKind, Options, Request};
 use crate::problem::{FromMaterial, Problem};
@@ -363,7 +364,7 @@ fn solutions_at(request: &Request) -> Result<Vec<Start>, GeometryFault> {
         limits.max_length_m *= BEYOND_LIMITS;
         limits.max_tension_n *= BEYOND_LIMITS;
     }
-    let answer = request.enumerate(Options::default())?;
+    let answer = request.enumerate(Options { steps: Steps::Tested, ..Options::default() })?;
     let start = |solution: Solution| (solution.states, solution.vertical);
     let beyond = answer.branches.into_iter().filter_map(|branch| match branch.end {
         BranchEnd::BeyondLimit { solution, .. } => Some(solution),
@@ -373,7 +374,7 @@ fn solutions_at(request: &Request) -> Result<Vec<Start>, GeometryFault> {
     Ok(within.chain(beyond).map(start).collect())
 }
 
-fn traced<M: FromMaterial>(
+fn traced<M: FromMaterial + Provable>(
     request: &Request,
     parameter: Parameter,
     range: Range,
@@ -458,7 +459,7 @@ struct Survey<'a, M> {
     range: Range,
 }
 
-impl<M: FromMaterial> Survey<'_, M> {
+impl<M: FromMaterial + Provable> Survey<'_, M> {
     /// A chain as a branch, its borders left open, and what is in doubt about it.
     fn branch(&self, chain: &Chain) -> Result<(SolutionBranch, Vec<Doubt>), GeometryFault> {
         let waypoints = &chain.waypoints;
@@ -549,7 +550,13 @@ impl<M: FromMaterial> Survey<'_, M> {
         for index in [count / 2, count / 4, count - 1 - count / 4] {
             let Waypoint { point, vertical, .. } = &waypoints[index];
             let (problem, rigid) = self.rigid(point.sigma.exp())?;
-            let origin = continuation::origin(&problem, &rigid.solutions, point.states, *vertical);
+            let origin = continuation::origin(
+                &problem,
+                &rigid.solutions,
+                point.states,
+                *vertical,
+                Steps::Tested,
+            );
             if origin.is_some() {
                 return Ok(origin);
             }

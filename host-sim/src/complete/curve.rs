@@ -32,15 +32,15 @@ const CUT_MARGIN: f64 = 0.9999;
 
 /// A point of a force curve.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node<E> {
+pub(crate) struct Node<E> {
     /// Near it.
-    pub(super) near: CableState<f64>,
+    pub(crate) near: CableState<f64>,
     /// Near the direction of the curve there, towards longer cables.
-    pub(super) tangent: Vector2<f64>,
+    pub(crate) tangent: Vector2<f64>,
     /// Encloses it.
-    pub(super) state: CableState<Interval>,
+    pub(crate) state: CableState<Interval>,
     /// What the model keeps of it.
-    pub(super) end: E,
+    pub(crate) end: E,
 }
 
 /// What lies between two nodes: `force = center + u half_chord + v normal` with
@@ -70,14 +70,14 @@ pub(super) struct Piece<E> {
 }
 
 /// One cable at one pose.
-pub(super) struct Curve<'a, M: Provable> {
+pub(crate) struct Curve<'a, M: Provable> {
     pub(super) model: &'a M,
-    pub(super) enclosing: M::Enclosing,
+    pub(crate) enclosing: M::Enclosing,
     pub(super) plane: &'a CablePlane<f64>,
     /// How far the computed plane may be from the true one, m.
     pub(super) plane_error_m: f64,
     /// Position of the attachment, with that error.
-    target: Vector2<Interval>,
+    pub(crate) target: Vector2<Interval>,
 }
 
 impl<'a, M: Provable> Curve<'a, M> {
@@ -91,13 +91,27 @@ impl<'a, M: Provable> Curve<'a, M> {
         Self { model, enclosing: model.enclosing(), plane, plane_error_m, target }
     }
 
+    /// The curves of all members of a family of cables at one plane, taken for exact: `enclosing`
+    /// holds every member, `model` is one of them for Newton's method, and the attachment of a
+    /// member is at `scale` times that of the plane for a number of `scale`. What is proven of a
+    /// node then holds for each member, with a node of its own in the box.
+    pub(crate) fn of_family(
+        model: &'a M,
+        enclosing: M::Enclosing,
+        plane: &'a CablePlane<f64>,
+        scale: Interval,
+    ) -> Self {
+        let target = Vector2::new(plane.x_m, plane.z_m).map(|c| Interval::point(c) * scale);
+        Self { model, enclosing, plane, plane_error_m: 0.0, target }
+    }
+
     /// Unit vector from anchor to attachment.
     pub(super) fn chord(&self) -> Vector2<f64> {
         Vector2::new(self.plane.x_m, self.plane.z_m) / self.plane.distance_m()
     }
 
     /// The linearised curve at `state`; `None` where it is singular.
-    fn linearised(&self, state: &CableState<f64>) -> Option<CurvePoint<f64>> {
+    pub(crate) fn linearised(&self, state: &CableState<f64>) -> Option<CurvePoint<f64>> {
         let end = self.model.end_point(state.force_n, state.rest_length_m);
         let curve = CurvePoint::new(&end, self.plane.x_m, self.plane.z_m, state);
         curve.is_finite().then_some(curve)
@@ -110,7 +124,7 @@ impl<'a, M: Provable> Curve<'a, M> {
 
     /// A point of the curve near `guess` where the force along the unit vector `axis` is `target_n`
     /// (but for what Newton leaves, which does not matter).
-    pub(super) fn approach(
+    pub(crate) fn approach(
         &self,
         guess: CableState<f64>,
         axis: Vector2<f64>,
@@ -145,7 +159,7 @@ impl<'a, M: Provable> Curve<'a, M> {
     }
 
     /// Proves that the curve has exactly one point near `near` on the line across its tangent there.
-    pub(super) fn node(&self, near: CableState<f64>) -> Option<Node<M::End>> {
+    pub(crate) fn node(&self, near: CableState<f64>) -> Option<Node<M::End>> {
         let tangent = self.linearised(&near)?.tangent;
         self.node_along(near, tangent, Interval::zero())
     }
@@ -153,7 +167,7 @@ impl<'a, M: Provable> Curve<'a, M> {
     /// Proves that for each number `u` of `along` the curve has exactly one point near
     /// `near + u tangent` on the line across `tangent`, and encloses them all (Krawczyk's test on
     /// distance across and rest length).
-    pub(super) fn node_along(
+    pub(crate) fn node_along(
         &self,
         near: CableState<f64>,
         tangent: Vector2<f64>,
@@ -318,7 +332,7 @@ impl<'a, M: Provable> Curve<'a, M> {
     }
 
     /// The box of forces and lengths between two points of the curve, by its monotonicity.
-    pub(super) fn hull(
+    pub(crate) fn hull(
         &self,
         shorter: &CableState<Interval>,
         longer: &CableState<Interval>,

@@ -8,10 +8,10 @@
 //!
 //! The proof holds for exact cables of the model's equations at every pose whose planes differ from
 //! the computed ones by rounding (see [`PLANE_ROUNDING`]), under the contract of
-//! [`CableModel`](cdpr_core::CableModel). All bounds are in interval arithmetic or carry a bound on
+//! [`CableModel`]. All bounds are in interval arithmetic or carry a bound on
 //! their rounding.
 
-mod curve;
+pub(crate) mod curve;
 mod model;
 mod search;
 mod statics;

@@ -7,6 +7,7 @@ use cdpr_core::{CableModel, CableState, IrvineCatenary, LinearElastic, Parabola,
 use nalgebra::Vector2;
 use num_traits::{One, Zero};
 
+use crate::dual::Dual;
 use crate::interval::Interval;
 
 /// Part of a force curve: its two ends, and a box that holds it.
@@ -37,16 +38,21 @@ pub struct Course {
 
 /// A cable model with which proofs can be made.
 ///
-/// A model that is written in a generic [`Scalar`] needs only [`Provable::enclosing`], and nothing to
-/// keep: `type End = ()`.
+/// A model that is written in a generic [`Scalar`] needs only [`Provable::enclosing`] and
+/// [`Provable::moving`], each a copy of its parameters, and nothing to keep: `type End = ()`.
 pub trait Provable: CableModel<f64> {
     /// The same model in interval arithmetic.
     type Enclosing: CableModel<Interval>;
+    /// The same model in numbers that carry the rate at which they change with a parameter.
+    type Moving: CableModel<Dual>;
     /// What [`Provable::course`] wants to know of the ends of a stretch, computed once for each.
     type End: Copy + fmt::Debug;
 
     /// The model whose parameters are the parameters of this one, as intervals.
     fn enclosing(&self) -> Self::Enclosing;
+
+    /// The model whose parameters are the parameters of this one, none of which changes.
+    fn moving(&self) -> Self::Moving;
 
     /// What to keep of a point of the force curve.
     fn end(model: &Self::Enclosing, state: &CableState<Interval>) -> Self::End;
@@ -77,12 +83,20 @@ pub fn jacobian_course<M: CableModel<Interval>, E>(model: &M, stretch: &Stretch<
 
 impl Provable for IrvineCatenary<f64> {
     type Enclosing = IrvineCatenary<Interval>;
+    type Moving = IrvineCatenary<Dual>;
     type End = Shape;
 
     fn enclosing(&self) -> Self::Enclosing {
         IrvineCatenary {
             weight_n_m: Interval::point(self.weight_n_m),
             compliance_per_n: Interval::point(self.compliance_per_n),
+        }
+    }
+
+    fn moving(&self) -> Self::Moving {
+        IrvineCatenary {
+            weight_n_m: Dual::point(self.weight_n_m),
+            compliance_per_n: Dual::point(self.compliance_per_n),
         }
     }
 
@@ -205,12 +219,20 @@ impl Shape {
 
 impl Provable for Parabola<f64> {
     type Enclosing = Parabola<Interval>;
+    type Moving = Parabola<Dual>;
     type End = ();
 
     fn enclosing(&self) -> Self::Enclosing {
         Parabola {
             weight_n_m: Interval::point(self.weight_n_m),
             compliance_per_n: Interval::point(self.compliance_per_n),
+        }
+    }
+
+    fn moving(&self) -> Self::Moving {
+        Parabola {
+            weight_n_m: Dual::point(self.weight_n_m),
+            compliance_per_n: Dual::point(self.compliance_per_n),
         }
     }
 
@@ -253,14 +275,18 @@ impl Provable for Parabola<f64> {
 
 impl Provable for LinearElastic<f64> {
     type Enclosing = LinearElastic<Interval>;
+    type Moving = LinearElastic<Dual>;
     type End = ();
 
     fn enclosing(&self) -> Self::Enclosing {
         LinearElastic { compliance_per_n: Interval::point(self.compliance_per_n) }
     }
 
-    fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}
+    fn moving(&self) -> Self::Moving {
+        LinearElastic { compliance_per_n: Dual::point(self.compliance_per_n) }
+    }
 
+    fn end(_model: &Self::Enclosing, _state: &CableState<Interval>) {}
     /// A massless cable pulls along the chord.
     fn course(_model: &Self::Enclosing, stretch: &Stretch<'_, ()>) -> Course {
         Course { direction: -stretch.span_m, offset_n: Interval::zero() }

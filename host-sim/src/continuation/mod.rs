@@ -2,11 +2,16 @@
 //!
 //! The deformation `s` in `(0, 1]` scales mass and stretch of every cable together:
 //! `mu(s) = s mu`, `1/EA(s) = s/EA`. Each rigid solution starts a path at a small `s` and is followed
-//! in `ln s`, because the rest length of a slack cable falls like `1/s`. Every step passes a
-//! Kantorovich test in force-curve coordinates before it is taken, so that a path cannot jump to
-//! another branch. Where the deformation turns around (two branches meet) the path is followed by
-//! arc length through the fold and back down, to the partner.
+//! in `ln s`, because the rest length of a slack cable falls like `1/s`. Every step is taken with a
+//! proof in interval arithmetic: over the whole of it there is exactly one solution in a box around the
+//! path, so that it cannot jump to another branch. Where the deformation turns around (two branches
+//! meet) a force leads instead, through the fold and back down, to the partner.
+//!
+//! A step that cannot be proven however short (next to a singular cable, or with a change between full
+//! and simplified model) is taken on a sampled test and counted in [`Branch::unproved_steps`]. The
+//! proofs begin at the start of a path: which rigid solution it comes from is told by being close.
 
+mod certificate;
 mod homotopy;
 mod path;
 mod step;
@@ -16,6 +21,7 @@ use std::fmt;
 
 use cdpr_core::{CABLES, CableModel, CableState, NewtonStep};
 
+use crate::complete::Provable;
 use crate::problem::Problem;
 use crate::rigid::{RigidSolution, SlackSet};
 use crate::robot_file::CableLimits;
@@ -24,7 +30,7 @@ use path::restore_full_model;
 
 pub(crate) use homotopy::Homotopy;
 pub(crate) use path::{End, Path, Waypoint, follow, locate_crossing};
-pub(crate) use step::converge;
+pub(crate) use step::{Accuracy, converge};
 pub(crate) use system::{Point, SIGMA, System};
 
 /// Sag and stretch of the least loaded cable, relative to its length, where paths start: small
@@ -138,8 +144,8 @@ pub enum BranchEnd {
         /// Where.
         deformation: f64,
     },
-    /// Two branches arrived at one solution, even with short steps: one of them is wrong, and it is
-    /// not known which.
+    /// Two branches arrived at one solution, even with short steps, or this one with the wrong sign of
+    /// the determinant for its origin and its folds: a step has jumped, which none with a proof can.
     Doubtful,
 }
 
@@ -169,8 +175,30 @@ pub struct Branch {
     pub folds: Vec<Fold>,
     /// Accepted steps.
     pub steps: usize,
-    /// Largest Kantorovich number `h` of an accepted step (1/2 is the theorem's bound).
-    pub largest_h: f64,
+    /// Steps, and changes between the full and the simplified model, that were taken without a proof.
+    pub unproved_steps: usize,
+    /// Largest contraction of a proven step (below 1 there is exactly one solution).
+    pub largest_contraction: f64,
+}
+
+impl Branch {
+    /// A branch that ended where it began.
+    pub(crate) fn without_steps(origin: SlackSet, end: BranchEnd) -> Self {
+        Self {
+            origin,
+            end,
+            folds: Vec::new(),
+            steps: 0,
+            unproved_steps: 0,
+            largest_contraction: 0.0,
+        }
+    }
+
+    /// Whether every step is proven: the path followed one branch from its start to its end.
+    #[must_use]
+    pub fn is_certified(&self) -> bool {
+        self.unproved_steps == 0
+    }
 }
 
 impl fmt::Display for Branch {
@@ -204,18 +232,37 @@ impl fmt::Display for Branch {
             BranchEnd::Stalled { deformation } => {
                 write!(f, "given up at s = {deformation:.6}, next to a singular point")?;
             }
-            BranchEnd::Doubtful => write!(f, "doubtful: two branches arrive at one solution")?,
+            BranchEnd::Doubtful => {
+                write!(f, "doubtful: it has left its branch, or another one did")?;
+            }
         }
         for fold in &self.folds {
             write!(f, ", fold at s = {:.8}", fold.deformation)?;
+        }
+        if !self.is_certified() {
+            write!(f, " ({} of {} steps without proof)", self.unproved_steps, self.steps)?;
         }
         Ok(())
     }
 }
 
+/// How sure each step of a path is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Steps {
+    /// Proven: for every deformation on the way there is one solution in a box around the path.
+    #[default]
+    Certified,
+    /// Tested by sampling, some fifty times faster: good, but no proof.
+    Tested,
+}
+
 /// The direct scheme: follows every rigid solution to full deformation.
-pub fn direct<M: CableModel<f64>>(problem: &Problem<M>, rigid: &[RigidSolution]) -> Vec<Branch> {
-    let deformation = Deformation { problem };
+pub fn direct<M: Provable>(
+    problem: &Problem<M>,
+    rigid: &[RigidSolution],
+    steps: Steps,
+) -> Vec<Branch> {
+    let deformation = Deformation { problem, steps };
     let mut branches: Vec<Branch> =
         rigid.iter().map(|origin| branch(&deformation, rigid, origin, 1.0)).collect();
     // Two branches at one solution: a step has jumped although its test was passed.
@@ -230,22 +277,24 @@ pub fn direct<M: CableModel<f64>>(problem: &Problem<M>, rigid: &[RigidSolution])
 
 /// The inverse scheme: follows `solution` back to non-deformable cables and names the rigid
 /// solution it comes from, or says that there is none.
-pub fn inverse<M: CableModel<f64>>(
+pub fn inverse<M: Provable>(
     problem: &Problem<M>,
     rigid: &[RigidSolution],
     solution: &Solution,
+    steps: Steps,
 ) -> Option<SlackSet> {
-    origin(problem, rigid, solution.states, solution.vertical)
+    origin(problem, rigid, solution.states, solution.vertical, steps)
 }
 
 /// The same for the forces and rest lengths of a solution and the cables that hang vertically in it.
-pub(crate) fn origin<M: CableModel<f64>>(
+pub(crate) fn origin<M: Provable>(
     problem: &Problem<M>,
     rigid: &[RigidSolution],
     states: [CableState<f64>; CABLES],
     vertical: [bool; CABLES],
+    steps: Steps,
 ) -> Option<SlackSet> {
-    let deformation = Deformation { problem };
+    let deformation = Deformation { problem, steps };
     let system = System { homotopy: &deformation, vertical };
     let start = Point { states, sigma: 0.0 };
     let smallest =
@@ -259,7 +308,7 @@ pub(crate) fn origin<M: CableModel<f64>>(
 
 /// Follows a path that has come to the lower end of the deformation further down, until it is close
 /// enough to a rigid solution to tell which, or turns away.
-fn down_to_rigid<M: CableModel<f64>>(
+fn down_to_rigid<M: Provable>(
     deformation: &Deformation<'_, M>,
     rigid: &[RigidSolution],
     mut path: Path,
@@ -278,15 +327,14 @@ fn down_to_rigid<M: CableModel<f64>>(
 }
 
 /// Follows one rigid solution.
-fn branch<M: CableModel<f64>>(
+fn branch<M: Provable>(
     deformation: &Deformation<'_, M>,
     rigid: &[RigidSolution],
     origin: &RigidSolution,
     caution: f64,
 ) -> Branch {
     let problem = deformation.problem;
-    let ended =
-        |end| Branch { origin: origin.slack, end, folds: Vec::new(), steps: 0, largest_h: 0.0 };
+    let ended = |end| Branch::without_steps(origin.slack, end);
     let weightless = |&i: &usize| origin.slack.contains(i) && problem.model(i).weight_n_m() <= 0.0;
     if let Some(cable) = (0..CABLES).find(weightless) {
         return ended(BranchEnd::Weightless { cable });
@@ -298,7 +346,16 @@ fn branch<M: CableModel<f64>>(
     let path = follow(system, start, (bottom, 0.0), true, caution);
     let path = down_to_rigid(deformation, rigid, path, caution);
     let end = match &path.end {
-        End::Top(point) => arrival(deformation, point, &path),
+        End::Top(point) => match arrival(deformation, point, &path) {
+            // The determinant changes its sign in every fold and nowhere else.
+            BranchEnd::Solution(solution) | BranchEnd::BeyondLimit { solution, .. }
+                if (solution.is_positive == origin.is_positive)
+                    != (path.folds().count() % 2 == 0) =>
+            {
+                BranchEnd::Doubtful
+            }
+            end => end,
+        },
         End::Bottom(point) => identify(problem, rigid, point)
             .map_or(BranchEnd::CameBackElsewhere, BranchEnd::MetBranch),
         End::RanAway { cable, sigma } => {
@@ -311,7 +368,8 @@ fn branch<M: CableModel<f64>>(
         end,
         folds: path.folds().map(Fold::from).collect(),
         steps: path.steps,
-        largest_h: path.largest_h,
+        unproved_steps: path.unproved_steps,
+        largest_contraction: path.largest_contraction,
     }
 }
 
@@ -334,7 +392,7 @@ fn start_deformation<M: CableModel<f64>>(problem: &Problem<M>, origin: &RigidSol
 }
 
 /// A solution at a small deformation, from the rigid one by way of the simplified vertical model.
-fn start<'a, M: CableModel<f64>>(
+fn start<'a, M: Provable>(
     deformation: &'a Deformation<'a, M>,
     origin: &RigidSolution,
 ) -> Option<(System<'a, Deformation<'a, M>>, Point)> {
@@ -345,7 +403,7 @@ fn start<'a, M: CableModel<f64>>(
         let vertical = std::array::from_fn(|i| origin.slack.contains(i));
         let mut system = System { homotopy: deformation, vertical };
         let rigid = Point { states: origin.states(&problem.balance, &weights), sigma: s.ln() };
-        if let Some(mut point) = converge(&system, &rigid, SIGMA)
+        if let Some(mut point) = converge(&system, &rigid, SIGMA, Accuracy::Full)
             && departure(problem, origin, &point) < IDENTIFIED
         {
             restore_full_model(&mut system, &mut point);
@@ -385,11 +443,7 @@ fn identify<M: CableModel<f64>>(
 }
 
 /// A path that reached full deformation: the solution, held against the limits.
-fn arrival<M: CableModel<f64>>(
-    deformation: &Deformation<'_, M>,
-    point: &Point,
-    path: &Path,
-) -> BranchEnd {
+fn arrival<M: Provable>(deformation: &Deformation<'_, M>, point: &Point, path: &Path) -> BranchEnd {
     let problem = deformation.problem;
     let system = System { homotopy: deformation, vertical: path.vertical };
     let Some(elimination) = system.eliminate_tangents(point) else {

@@ -2,8 +2,9 @@
 
 use cdpr_core::{CABLES, CableModel};
 
+use super::certificate::{Certificate, Joint, Reach, Refusal, Span};
 use super::homotopy::Homotopy;
-use super::step::{Kantorovich, converge, kantorovich};
+use super::step::{Accuracy, converge, kantorovich};
 use super::system::{COORDINATES, Coordinates, Point, SIGMA, System};
 
 /// First step, in scaled coordinates (`sigma` is one of them).
@@ -12,15 +13,20 @@ const FIRST_STEP: f64 = 0.1;
 const LONGEST_STEP: f64 = 1.0;
 /// A path that needs a shorter step than this has met a singular point.
 const SHORTEST_STEP: f64 = 1e-10;
-/// Contraction below which the next step is doubled.
-const EASY: f64 = 0.08;
+/// The next step is chosen to have this contraction, at most [`GROWTH`] times longer than the last.
+const CONTRACTION: f64 = 0.35;
+const GROWTH: f64 = 2.0;
+/// A step shorter than this is taken without a proof, if the sampled test allows it.
+const LEAST_PROVED: f64 = 1e-6;
 /// `sigma` leads as long as it has this part of the unit tangent, else the largest force does.
-const LEADING: f64 = 0.2;
+const LEADING: f64 = 0.5;
 /// Around a fold, how far the change of `sigma` over a step may be from that of a parabola,
 /// relative to its rate at the ends; steps shorter than [`SHORT_ARC`] are not asked.
 const MAX_BEND: f64 = 0.1;
 const SHORT_ARC: f64 = 1e-3;
-/// Bound on the steps of one path. Paths of the reference cases take 20 to 120.
+/// A guess at the curvature of a path, in scaled coordinates, for a fold exactly in the middle of a step.
+const CURVATURE: f64 = 0.01;
+/// Bound on the steps of one path. Paths of the reference cases take 8 to 400.
 const MAX_STEPS: usize = 20_000;
 /// Bound on the folds of one path.
 const MAX_FOLDS: usize = 64;
@@ -71,8 +77,10 @@ pub(crate) struct Path {
     /// Cables that the simplified model still stands for at the end.
     pub(crate) vertical: [bool; CABLES],
     pub(super) steps: usize,
-    /// Largest Kantorovich number of an accepted step.
-    pub(super) largest_h: f64,
+    /// Steps, and changes between full and simplified model, without a proof.
+    pub(super) unproved_steps: usize,
+    /// Largest contraction of a proven step.
+    pub(super) largest_contraction: f64,
 }
 
 impl Path {
@@ -85,7 +93,8 @@ impl Path {
     pub(super) fn after(mut self, before: Self) -> Self {
         self.waypoints.splice(0..0, before.waypoints);
         self.steps += before.steps;
-        self.largest_h = self.largest_h.max(before.largest_h);
+        self.unproved_steps += before.unproved_steps;
+        self.largest_contraction = self.largest_contraction.max(before.largest_contraction);
         self
     }
 }
@@ -101,14 +110,14 @@ pub(crate) fn follow<H: Homotopy>(
 ) -> Path {
     let mut along = [0.0; COORDINATES];
     along[SIGMA] = if upwards { 1.0 } else { -1.0 };
-    let mut here = start;
     let mut length = FIRST_STEP / caution;
     let mut path = Path {
-        end: End::Stalled { sigma: here.sigma },
+        end: End::Stalled { sigma: start.sigma },
         waypoints: Vec::new(),
         vertical: system.vertical,
         steps: 0,
-        largest_h: 0.0,
+        unproved_steps: 0,
+        largest_contraction: 0.0,
     };
     let passed = |system: &System<'_, H>, point: &Point, along: &Coordinates| Waypoint {
         point: point.clone(),
@@ -116,105 +125,212 @@ pub(crate) fn follow<H: Homotopy>(
         vertical: system.vertical,
         is_fold: false,
     };
-    path.waypoints.push(passed(&system, &here, &along));
+    path.waypoints.push(passed(&system, &start, &along));
+    let mut here = Station::new(&system, start);
+    let mut reach = Reach::default();
     let mut folds = 0;
     while path.steps < MAX_STEPS && folds <= MAX_FOLDS {
-        path.end = End::Stalled { sigma: here.sigma };
+        path.end = End::Stalled { sigma: here.point.sigma };
         path.vertical = system.vertical;
-        if let Some(away) = run_away(&system, &here, top) {
+        if let Some(away) = run_away(&system, &here.point, top) {
             path.end = away;
             return path;
         }
-        match advance(&system, &here, &along, length, (bottom, top)) {
-            Some(Advance { point, tangent, kantorovich, landed }) => {
+        let step = Step { along, length, range: (bottom, top) };
+        match step.proven(&system, &here, &mut reach).or_else(|| step.sampled(&system, &here)) {
+            Some(Advance { station, tangent, certificate, landed }) => {
                 path.steps += 1;
-                path.largest_h = path.largest_h.max(kantorovich.h);
+                if let Some(certificate) = certificate {
+                    path.largest_contraction =
+                        path.largest_contraction.max(certificate.contraction);
+                    let growth = (CONTRACTION / certificate.contraction).min(GROWTH);
+                    length = (growth * length).min(LONGEST_STEP / caution);
+                } else {
+                    path.unproved_steps += 1;
+                    reach = Reach::default();
+                    length = (GROWTH * length).min(LONGEST_STEP / caution);
+                }
+                let point = &station.point;
                 if landed {
-                    path.waypoints.push(passed(&system, &point, &tangent));
-                    path.end =
-                        if point.sigma >= top { End::Top(point) } else { End::Bottom(point) };
+                    path.waypoints.push(passed(&system, point, &tangent));
+                    path.end = if point.sigma >= top {
+                        End::Top(point.clone())
+                    } else {
+                        End::Bottom(point.clone())
+                    };
                     return path;
                 }
                 if tangent[SIGMA] * along[SIGMA] < 0.0 {
                     let (before, after) =
-                        (passed(&system, &here, &along), passed(&system, &point, &tangent));
+                        (passed(&system, &here.point, &along), passed(&system, point, &tangent));
                     path.waypoints.push(locate_fold(&system, &before, &after));
                     folds += 1;
                 }
-                (here, along) = (point, tangent);
-                if kantorovich.contraction < EASY {
-                    length = (2.0 * length).min(LONGEST_STEP / caution);
+                (here, along) = (station, tangent);
+                if restore_full_model(&mut system, &mut here.point) {
+                    path.unproved_steps += 1;
+                    here = Station::new(&system, here.point);
                 }
-                restore_full_model(&mut system, &mut here);
-                path.waypoints.push(passed(&system, &here, &along));
+                path.waypoints.push(passed(&system, &here.point, &along));
             }
             None if length > SHORTEST_STEP => length *= 0.5,
-            None if simplify(&mut system, &mut here) => length = FIRST_STEP / caution,
+            None if simplify(&mut system, &mut here.point) => {
+                path.unproved_steps += 1;
+                here = Station::new(&system, here.point);
+                length = FIRST_STEP / caution;
+            }
             None => return path,
         }
     }
     path
 }
 
+/// A point of a path, with what a proof needs of it unless that cannot be had.
+struct Station {
+    point: Point,
+    joint: Option<Joint>,
+}
+
+impl Station {
+    fn new<H: Homotopy>(system: &System<'_, H>, point: Point) -> Self {
+        Self { joint: H::joint(system, &point), point }
+    }
+}
+
 /// An accepted step.
 struct Advance {
-    point: Point,
+    station: Station,
     /// Unit tangent of the path, at the new point unless it landed.
     tangent: Coordinates,
-    kantorovich: Kantorovich,
+    /// `None`: only the sampled test was passed.
+    certificate: Option<Certificate>,
     /// Whether the step ended exactly on a bound of `sigma`.
     landed: bool,
 }
 
-/// One step of `length` from `here` roughly along `along`; `None` when a test refuses it.
-fn advance<H: Homotopy>(
-    system: &System<'_, H>,
-    here: &Point,
-    along: &Coordinates,
+/// A step to try: of `length` roughly along `along`, within a range of `sigma`.
+struct Step {
+    along: Coordinates,
     length: f64,
-    (bottom, top): (f64, f64),
-) -> Option<Advance> {
-    let linear = system.linearise(here)?;
-    let tangent = linear.tangent(leading(along), along)?;
-    let mut held = leading(&tangent);
-    let rate = tangent[SIGMA];
-    let mut length = length;
-    let bound = if rate > 0.0 { top } else { bottom };
-    let landed = (here.sigma + rate * length - bound) * rate >= 0.0;
-    if landed {
-        length = (bound - here.sigma) / rate;
-        held = SIGMA;
+    range: (f64, f64),
+}
+
+/// Where a step is to end.
+struct Target {
+    tangent: Coordinates,
+    /// The coordinate that is held.
+    held: usize,
+    length: f64,
+    /// The predicted point.
+    start: Point,
+    landed: bool,
+}
+
+impl Step {
+    fn target<H: Homotopy>(&self, system: &System<'_, H>, here: &Point) -> Option<Target> {
+        let linear = system.linearise(here)?;
+        let tangent = linear.tangent(leading(&self.along), &self.along)?;
+        let mut held = leading(&tangent);
+        let rate = tangent[SIGMA];
+        let mut length = self.length;
+        let bound = if rate > 0.0 { self.range.1 } else { self.range.0 };
+        let landed = (here.sigma + rate * length - bound) * rate >= 0.0;
+        if landed {
+            length = (bound - here.sigma) / rate;
+            held = SIGMA;
+        }
+        let mut start = linear.advance(here, &tangent.map(|t| t * length), false);
+        if landed {
+            start.sigma = bound; // exactly, not but for rounding
+        }
+        Some(Target { tangent, held, length, start, landed })
     }
-    let mut start = linear.advance(here, &tangent.map(|t| t * length), false);
-    if landed {
-        start.sigma = bound; // exactly, not but for rounding
+
+    /// The step if it can be proven.
+    fn proven<H: Homotopy>(
+        &self,
+        system: &System<'_, H>,
+        here: &Station,
+        reach: &mut Reach,
+    ) -> Option<Advance> {
+        let from = here.joint.as_ref()?;
+        let target = self.target(system, &here.point)?;
+        let accuracy = if target.landed { Accuracy::Full } else { Accuracy::Proof };
+        let point = converge(system, &target.start, target.held, accuracy)?;
+        let after = self.after(system, &here.point, &target, &point)?;
+        let rates = (target.tangent[SIGMA], after[SIGMA]);
+        let bow =
+            target.length * (0.25 * rates.0.abs().max(rates.1.abs()) + CURVATURE * target.length);
+        let mut joint = H::joint(system, &point)?;
+        let span = Span {
+            before: &here.point,
+            after: &point,
+            held: target.held,
+            length: target.length,
+            bow,
+        };
+        let certificate = match H::certify(system, &span, from, &mut joint, reach) {
+            Err(Refusal::Short) => H::certify(system, &span, from, &mut joint, reach).ok()?,
+            other => other.ok()?,
+        };
+        Some(Advance {
+            station: Station { point, joint: Some(joint) },
+            tangent: after,
+            certificate: Some(certificate),
+            landed: target.landed,
+        })
     }
-    let there = system.linearise(&start)?;
-    let kantorovich = kantorovich(system, &there, &start, here, held)?;
-    if !kantorovich.holds() {
-        return None;
-    }
-    let point = converge(system, &start, held)?;
-    if !landed && (point.sigma > top || point.sigma < bottom) {
-        return None; // overshot along the arc: a shorter step will land
-    }
-    if !kantorovich.reaches(&there, &start, &point) {
-        return None;
-    }
-    let after = system.linearise(&point)?.tangent(held, &tangent);
-    if let Some(after) = &after
-        && held != SIGMA
-        && length > SHORT_ARC
-    {
-        // A pair of folds within the step would leave the signs at its ends as they are.
-        let rates = (rate, after[SIGMA]);
-        let off = (point.sigma - here.sigma - 0.5 * (rates.0 + rates.1) * length).abs();
-        if off > MAX_BEND * length * rates.0.abs().max(rates.1.abs()) {
+
+    /// The step by the sampled test, where a proof would need a shorter one than
+    /// [`LEAST_PROVED`].
+    fn sampled<H: Homotopy>(&self, system: &System<'_, H>, here: &Station) -> Option<Advance> {
+        if system.homotopy.is_proven() && self.length > LEAST_PROVED {
             return None;
         }
+        let target = self.target(system, &here.point)?;
+        let there = system.linearise(&target.start)?;
+        let test = kantorovich(system, &there, &target.start, &here.point, target.held)?;
+        if !test.holds() {
+            return None;
+        }
+        let point = converge(system, &target.start, target.held, Accuracy::Full)?;
+        if !test.reaches(&there, &target.start, &point) {
+            return None;
+        }
+        let tangent = self.after(system, &here.point, &target, &point)?;
+        let station = Station::new(system, point);
+        Some(Advance { station, tangent, certificate: None, landed: target.landed })
     }
-    let tangent = after.or_else(|| landed.then_some(tangent))?;
-    Some(Advance { point, tangent, kantorovich, landed })
+
+    /// The tangent at `point`; `None` when the step overshot or bent too much.
+    fn after<H: Homotopy>(
+        &self,
+        system: &System<'_, H>,
+        here: &Point,
+        target: &Target,
+        point: &Point,
+    ) -> Option<Coordinates> {
+        let Target { tangent, held, length, landed, .. } = target;
+        if !landed && (point.sigma > self.range.1 || point.sigma < self.range.0) {
+            return None; // overshot along the arc: a shorter step will land
+        }
+        // The held coordinate goes on in its direction: the step is one arc over it.
+        let mut onwards = [0.0; COORDINATES];
+        onwards[*held] = tangent[*held];
+        let after = system.linearise(point)?.tangent(*held, &onwards);
+        if let Some(after) = &after
+            && *held != SIGMA
+            && *length > SHORT_ARC
+        {
+            // A pair of folds within the step would leave the signs at its ends as they are.
+            let rates = (tangent[SIGMA], after[SIGMA]);
+            let off = (point.sigma - here.sigma - 0.5 * (rates.0 + rates.1) * length).abs();
+            if off > MAX_BEND * length * rates.0.abs().max(rates.1.abs()) {
+                return None;
+            }
+        }
+        after.or_else(|| landed.then_some(*tangent))
+    }
 }
 
 /// The coordinate to hold: `sigma` unless the path has nearly turned around.
@@ -290,7 +406,7 @@ fn locate<H: Homotopy>(
         let mut low = (0.0, value(&before.point, &tangent));
         let at = |length: f64| -> Option<(f64, Point, Coordinates)> {
             let start = linear.advance(&before.point, &tangent.map(|t| t * length), false);
-            let point = converge(system, &start, held)?;
+            let point = converge(system, &start, held, Accuracy::Full)?;
             let along = system.linearise(&point)?.tangent(held, &tangent)?;
             Some((value(&point, &along), point, along))
         };
@@ -338,9 +454,13 @@ fn run_away<H: Homotopy>(system: &System<'_, H>, here: &Point, top: f64) -> Opti
     Some(End::RanAway { cable, sigma: here.sigma })
 }
 
-/// Puts the full model back where the simplified one stands, one cable at a time, whenever Newton
-/// provably takes the state over.
-pub(super) fn restore_full_model<H: Homotopy>(system: &mut System<'_, H>, here: &mut Point) {
+/// Puts the full model back where the simplified one stands, one cable at a time, whenever the
+/// sampled test says that Newton takes the state over; whether it did.
+pub(super) fn restore_full_model<H: Homotopy>(
+    system: &mut System<'_, H>,
+    here: &mut Point,
+) -> bool {
+    let mut any = false;
     for cable in 0..CABLES {
         let plane = &system.homotopy.planes()[cable];
         if !system.vertical[cable] || plane.x_m <= 0.0 {
@@ -358,13 +478,15 @@ pub(super) fn restore_full_model<H: Homotopy>(system: &mut System<'_, H>, here: 
         start.states[cable].force_n = line.force_n;
         let restored = full.linearise(&start).and_then(|linear| {
             let accepted = kantorovich(&full, &linear, &start, &start, SIGMA)?.holds();
-            if accepted { converge(&full, &start, SIGMA) } else { None }
+            if accepted { converge(&full, &start, SIGMA, Accuracy::Full) } else { None }
         });
         if let Some(point) = restored {
             *system = full;
             *here = point;
+            any = true;
         }
     }
+    any
 }
 
 /// Replaces the model of slack cables next to `Fx = 0` by the simplified one; whether any was.
@@ -382,7 +504,7 @@ fn simplify<H: Homotopy>(system: &mut System<'_, H>, here: &mut Point) -> bool {
     if simple.vertical == system.vertical {
         return false;
     }
-    let Some(point) = converge(&simple, &start, SIGMA) else { return false };
+    let Some(point) = converge(&simple, &start, SIGMA, Accuracy::Full) else { return false };
     *system = simple;
     *here = point;
     true

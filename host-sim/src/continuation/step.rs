@@ -1,4 +1,4 @@
-//! One tested step along a path.
+//! Newton's method along a path, and the sampled test for steps that cannot be proven.
 
 use cdpr_core::{CABLES, CableState};
 use nalgebra::Vector6;
@@ -20,6 +20,8 @@ const NEWTON_STEPS: usize = 12;
 
 /// Step size at which Newton has converged, in scaled coordinates.
 const CONVERGED: f64 = 1e-13;
+/// Step size after which the next one, of its square, does not matter to a proof.
+const CLOSE: f64 = 1e-3;
 /// Step size that rounding may leave at a bad condition.
 const CONVERGED_TO_ROUNDING: f64 = 1e-9;
 
@@ -44,7 +46,7 @@ pub(super) struct Kantorovich {
 /// So the change of the derivative over a box of all coordinates is bounded column by column, from
 /// the curve at the corners of its own box, and at `from` for the way between. The curve turns
 /// monotonically but for one inflection with an overshoot below 0.025 rad, so the corners see what
-/// the box holds up to that; this is a test with a margin, not yet a proof in interval arithmetic.
+/// the box holds up to that; this is a test with a margin, for steps without a proof.
 pub(super) fn kantorovich<H: Homotopy>(
     system: &System<'_, H>,
     linear: &Linearised<'_, H>,
@@ -123,11 +125,21 @@ impl Kantorovich {
     }
 }
 
+/// How far Newton is asked to converge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Accuracy {
+    /// To rounding.
+    Full,
+    /// Well within the box of a proof, which bounds what is left.
+    Proof,
+}
+
 /// Newton with coordinate `held` fixed, to convergence.
 pub(crate) fn converge<H: Homotopy>(
     system: &System<'_, H>,
     start: &Point,
     held: usize,
+    accuracy: Accuracy,
 ) -> Option<Point> {
     let mut point = start.clone();
     let mut last = f64::INFINITY;
@@ -136,7 +148,11 @@ pub(crate) fn converge<H: Homotopy>(
         let newton = linear.newton(held, &linear.eliminate(held)?);
         let size = size_of_step(&linear, &point, &newton);
         point = linear.advance(&point, &newton, true);
-        if size <= CONVERGED || (size >= 0.5 * last && size <= CONVERGED_TO_ROUNDING) {
+        let enough = match accuracy {
+            Accuracy::Full => CONVERGED,
+            Accuracy::Proof => CLOSE,
+        };
+        if size <= enough || (size >= 0.5 * last && size <= CONVERGED_TO_ROUNDING) {
             return Some(point);
         }
         last = size;

@@ -30,7 +30,7 @@ pub(crate) type Coordinates = [f64; COORDINATES];
 const SIGMA_STEP: f64 = 1e-5;
 
 /// Part of the total load that counts as a force even in a cable without any.
-const LEAST_FORCE: f64 = 1e-3;
+pub(super) const LEAST_FORCE: f64 = 1e-3;
 
 /// Horizontal force, relative to the weight of the cable, at which the height of the simplified
 /// vertical cable is evaluated: its square is below rounding.
@@ -67,6 +67,12 @@ impl<H> Clone for System<'_, H> {
 }
 
 impl<H: Homotopy> System<'_, H> {
+    /// Whether the force curve of `cable` is the vertical line `Fx = 0`: where anchor and attachment
+    /// stand exactly above each other it is, and in the simplified model.
+    pub(super) fn is_vertical_line(&self, cable: usize) -> bool {
+        self.vertical[cable] || self.homotopy.planes()[cable].x_m <= 0.0
+    }
+
     fn end_point(&self, cable: usize, state: &CableState<f64>, sigma: f64) -> EndPoint<f64> {
         let model = self.homotopy.model(cable, sigma);
         if !self.vertical[cable] {

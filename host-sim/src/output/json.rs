@@ -203,7 +203,10 @@ struct BranchReport {
     message: String,
     folds: Vec<FoldReport>,
     steps: usize,
-    largest_kantorovich_h: f64,
+    /// Whether every step is proven.
+    certified: bool,
+    unproved_steps: usize,
+    largest_contraction: f64,
 }
 
 #[derive(Serialize)]
@@ -240,7 +243,9 @@ impl From<&Branch> for BranchReport {
                 })
                 .collect(),
             steps: branch.steps,
-            largest_kantorovich_h: branch.largest_h,
+            certified: branch.is_certified(),
+            unproved_steps: branch.unproved_steps,
+            largest_contraction: branch.largest_contraction,
         }
     }
 }
