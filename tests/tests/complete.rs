@@ -255,7 +255,9 @@ fn two_solutions_that_meet_are_undecided_and_never_one() {
     let assert_undecided = |found: &Complete| {
         // The three others, and neither one nor two of those that meet.
         assert_eq!(found.solutions.len(), 3, "{:?}", lengths_3(found));
-        assert!(meeting(found).is_none() && !found.undecided.is_empty());
+        assert!(meeting(found).is_none());
+        // One place, or one for each of the two.
+        assert!((1..=2).contains(&found.undecided.len()), "{:?}", found.undecided);
         for place in &found.undecided {
             let length = place.states[2].rest_length_m;
             assert!(is_small(place) && (length.middle() - 58.132).abs() < 0.01, "{place:?}");

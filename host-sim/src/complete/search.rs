@@ -331,6 +331,11 @@ impl<'a, M: Provable> Search<'a, M> {
         if let Some(settled) = known(&proof.states()) {
             return settled;
         }
+        // What might be a known solution must not count as another.
+        let place = |proof: &Proof| Place { states: proof.enclosure() };
+        if self.found.proofs.iter().any(|known| place(known).touches(&place(&proof))) {
+            return false;
+        }
         let settled = self.covers(candidate, &proof);
         if settled {
             self.found.proofs.push(proof);
