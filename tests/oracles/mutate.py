@@ -196,6 +196,92 @@ MISTAKES = [
         ("/ q.square()", "/ q"),
     )
 ]
+PIECES = ("--package", "cdpr-host-sim", "--lib", "complete::")
+SEARCH = ("--package", "cdpr-tests", "--test", "complete", "--", "--skip", "random_")
+
+MISTAKES += [
+    (f"host-sim/src/complete/{file}.rs", old, new, command, *why)
+    for file, old, new, command, *why in (
+        # Points of the curve.
+        ("curve", "let x_error_m = plane_error_m.min(1e-3 * plane.x_m);", "let x_error_m = 0.0;", PIECES),
+        ("curve", "Interval::around(plane.z_m, plane_error_m),", "Interval::around(plane.z_m, 0.0),", PIECES),
+        ("curve", "if image.x.is_inside(around.x) && image.y.is_inside(around.y) {", "if image.x.is_inside(around.x) {", PIECES),
+        ("curve", "if image.x.is_inside(around.x) && image.y.is_inside(around.y) {", "if true {", PIECES),
+        ("curve", "let image = newton + contraction * around;", "let image = newton;", PIECES),
+        ("curve", "force_n: on_tangent + normal.map(|n| n * image.x),", "force_n: near.force_n.map(Interval::point) + normal.map(|n| n * image.x),", PIECES),
+        ("curve", "j.m11 * x + j.m12 * z, j.m21 * x + j.m22 * z) * along", "j.m11 * x, j.m21 * x + j.m22 * z) * along", PIECES),
+        ("curve", "        if !along.is_zero() {", "        if false {", PIECES),
+        # Pieces.
+        ("curve", "let mut reach = 1.0 + 2.0 * slack;", "let mut reach = 0.9_f64;", PIECES),
+        ("curve", "reach = reach.max(box_along.magnitude());", "", PIECES),
+        ("curve", "Interval::symmetric(reach) * offset(&half_chord_n)", "Interval::symmetric(1.0) * offset(&half_chord_n)", SEARCH),
+        ("curve", "slope = rise.max(fall);", "slope = 0.5 * rise.max(fall);", PIECES),
+        ("curve", "slope = rise.max(fall);", "slope = rise.min(fall);", PIECES),
+        ("curve", "slope = rise.max(fall);", "slope = 10.0 * rise.max(fall);", PIECES),
+        ("curve", "{ 2.0 * rise * (fall / sum) }", "{ rise * (fall / sum) }", PIECES),
+        ("curve", "{ 2.0 * rise * (fall / sum) }", "{ 20.0 * rise * (fall / sum) }", PIECES),
+        ("curve", "let thickness = across.radius()", "let thickness = 0.5 * across.radius()", PIECES),
+        ("curve", "            if cosine.low() > 0.5 {", "            if cosine.low() > -0.5 {", PIECES),
+        ("curve", "(-offset_n - chord_ends + line_error)", "(offset_n - chord_ends + line_error)", PIECES),
+        ("curve", "let x = shorter.force_n.x.hull(longer.force_n.x);", "let x = shorter.force_n.x;", PIECES),
+        ("curve", "            at_anchor\n        } else {", "            at_attachment\n        } else {", PIECES),
+        ("curve", "            at_attachment\n        } else if", "            shorter.force_n.y\n        } else if", PIECES),
+        ("curve", "let y = if self.target.y.high() <= 0.0 {", "let y = if self.target.y.low() <= 0.0 {", PIECES,
+         "with z across zero the two boxes differ by no more than rounding"),
+        # The course of the models.
+        ("model", "(a.q.hull(b.q), a.sag.hull(b.sag))", "(a.q, a.sag.hull(b.sag))", PIECES),
+        ("model", "(a.q.hull(b.q), a.sag.hull(b.sag))", "(a.q.hull(b.q), a.sag)", PIECES),
+        ("model", "(a.bend.hull(b.bend), a.room.hull(b.room))", "(a.bend, a.room.hull(b.room))", PIECES),
+        ("model", "(a.bend.hull(b.bend), a.room.hull(b.room))", "(a.bend.hull(b.bend), b.room)", PIECES),
+        ("model", "a.langevin.hull(b.langevin)", "a.langevin", PIECES),
+        ("model", "a.langevin.hull(b.langevin)", "b.langevin", PIECES),
+        ("model", "a.strain_per_m.hull(b.strain_per_m)", "b.strain_per_m", PIECES),
+        ("model", "q * length * p.square() * share - z,", "q * length * p.square() * share + z,", PIECES),
+        ("model", "q * length * p.square() * share - z,", "q * length * p * share - z,", PIECES),
+        ("model", "                -(x * bend * x_share * widening),", "                -(x * bend * x_share),", PIECES),
+        ("model", "(length + z * lift)", "(length - z * lift)", PIECES),
+        ("model", "Vector2::new(-(rate * cx), half_weight - rate * cz)", "Vector2::new(-(rate * cx), half_weight + rate * cz)", PIECES),
+        ("model", "Vector2::new(-cx, half_weight / rate - cz)", "Vector2::new(-cx, half_weight / rate + cz)", PIECES),
+        # The equations over a box.
+        ("statics", "let (mut low, mut high) = (wrench_n[j] - error_n, wrench_n[j] + error_n);", "let (mut low, mut high) = (wrench_n[j], wrench_n[j]);", PIECES),
+        ("statics", "let thick = piece.normal_wrench[j].abs() * piece.thickness;", "let thick = 0.5 * piece.normal_wrench[j].abs() * piece.thickness;", PIECES),
+        ("statics", "let mut ranges: Ranges = pieces.map(|p| (-p.reach, p.reach));", "let mut ranges: Ranges = pieces.map(|_| (-1.0, 1.0));", PIECES),
+        ("statics", "range.0 = a - room;", "range.0 = a;", PIECES, "rounding that the error of the sums covers as well"),
+        ("statics", "            if low > 0.0 || high < 0.0 {", "            if low > 0.0 || high < 1e-3 {", PIECES),
+        ("statics", "radius[k] = rows[k] * error_n + off;", "radius[k] = off;", PIECES),
+        ("statics", "radius[k] = rows[k] * error_n + off;", "radius[k] = rows[k] * error_n;", PIECES,
+         "the defect of the inverse is rounding, and so is its bound"),
+        ("statics", "slopes[k] += rows[k] * ROUNDING * turned_n;", "", PIECES, "rounding"),
+        ("statics", "radius += seen * piece.thickness;", "radius += seen * piece.thickness * 0.5;", PIECES),
+        ("statics", "slopes += seen * piece.slope;", "slopes += seen * piece.slope * 0.5;", PIECES),
+        ("statics", "contraction: contraction * UPWARDS", "contraction: slopes.min() * UPWARDS", PIECES),
+        ("statics", "self.contraction < 1.0", "self.contraction < 3.0", PIECES),
+        ("statics", "self.center[k].abs() + self.radius[k] < 2.0 - pieces[k].reach", "self.center[k].abs() < 2.0 - pieces[k].reach", PIECES),
+        ("statics", "self.center[k].abs() + self.radius[k] < 2.0 - pieces[k].reach", "self.center[k].abs() + self.radius[k] < pieces[k].reach", PIECES),
+        ("statics", "range.0.max(self.center[k] - self.radius[k])", "range.0.max(self.center[k] - 0.5 * self.radius[k])", PIECES),
+        # The search.
+        ("search", "for part in halves {", "for part in halves.into_iter().take(1) {", SEARCH),
+        ("search", "for part in halves {", "for part in halves.into_iter().skip(1) {", SEARCH),
+        ("search", "let part = if high < u.low() {", "let part = if center < u.low() {", SEARCH),
+        ("search", "        } else if low > u.high() {", "        } else if center > u.high() {", SEARCH),
+        ("search", ".is_some_and(|v| v.is_unique())", ".is_some()", SEARCH),
+        ("search", "            let Some(piece) = curve.piece(shorter, longer) else { return false };", "            let Some(piece) = curve.piece(shorter, longer) else { return true };", SEARCH),
+        ("search", "        if !(verdict.is_unique() && verdict.maps_inside(&pieces)) {", "        if !verdict.is_unique() {", SEARCH),
+        ("search", "            && verdict.is_unique()\n", "", SEARCH),
+        ("search", "let radius_n = verdict.radius[k] * size_n;", "let radius_n = 0.0;", SEARCH),
+        ("search", "        self.give_up(&candidate);\n    }", "    }", SEARCH),
+        ("search", "            if self.found.boxes >= MAX_BOXES {\n                self.give_up(&candidate);", "            if self.found.boxes >= 100 {", SEARCH),
+        # The limits.
+        ("mod", "            answer = Within::Undecided;", "", SEARCH),
+        ("mod", "if length.low() > limits.max_length_m {", "if length.high() > limits.max_length_m {", SEARCH),
+        ("mod", "at_b.low().max(at_a.low()) > limits.max_tension_n", "at_b.low() > limits.max_tension_n", SEARCH),
+        ("mod", "&& at_b.high().max(at_a.high()) <= limits.max_tension_n", "&& at_b.high() <= limits.max_tension_n", SEARCH),
+        ("mod", "let pull = if curve.plane.z_m <= 0.0 { -force.y } else { force.y - weight };", "let pull = -force.y;", SEARCH),
+        ("mod", "let mut target_n = tension_n * (1.0 + BEYOND) + weight_n;", "let mut target_n = 0.5 * tension_n;", SEARCH),
+        ("mod", "            if long || pull.low() > tension_n {", "            if true {", SEARCH),
+        ("mod", "const BEYOND: f64 = 1e-6;", "const BEYOND: f64 = -1e-6;", SEARCH),
+    )
+]
 
 
 def cargo(tree, *arguments):

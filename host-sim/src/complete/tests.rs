@@ -309,7 +309,8 @@ fn check_nodes<M: Provable>(model: impl Fn(&Line) -> M) {
         let Some(near) = random_state(&curve, &mut numbers) else { continue };
         let Some(plain) = curve.node(near) else { continue };
         let axis = plain.tangent;
-        let along_n = 1e-8 * near.force_n.norm();
+        // From as little as proofs need to as much as cannot be proven.
+        let along_n = numbers.log_within(1e-8, 0.3) * near.force_n.norm();
         let along = Interval::new(-along_n, 0.3 * along_n);
         let Some(node) = curve.node_along(near, axis, along) else { continue };
         for corner in 0..8 {
@@ -318,7 +319,8 @@ fn check_nodes<M: Provable>(model: impl Fn(&Line) -> M) {
             plane.x_m += side(0) * error_m;
             plane.z_m += side(1) * error_m;
             let true_curve = Curve::new(&model, &plane, 0.0);
-            let u = if side(2) > 0.0 { along.high() } else { along.low() };
+            let part = if corner < 4 { numbers.sign() } else { numbers.within(-1.0, 1.0) };
+            let u = if side(2) > 0.0 { along.high() } else { along.low() } * part.abs();
             let target_n = near.force_n.dot(&axis) + u;
             let state = true_curve
                 .approach(near, axis, target_n)
