@@ -67,6 +67,8 @@ pub(super) struct Piece<E> {
     /// Bound on the error of a component of the wrench of any force of the piece, from rounding and
     /// from that of the plane, N.
     pub(super) wrench_error_n: f64,
+    /// The same for the wrench of the normal, N.
+    pub(super) normal_error_n: f64,
 }
 
 /// One cable at one pose.
@@ -312,9 +314,12 @@ impl<'a, M: Provable> Curve<'a, M> {
             + 4.0 * f64::EPSILON * (1.0 + across.magnitude() + center_n.amax() / size);
         let x_error =
             if self.plane.x_m > 0.0 { 2.0 * self.plane_error_m / self.plane.x_m } else { 0.0 };
+        let error_n = |x_n: f64, z_n: f64| {
+            x_error.min(2.0) * x_n.abs() + PLANE_WRENCH_ROUNDING * (x_n.abs() + z_n.abs())
+        };
         let force_n = hull.force_n.map(Interval::magnitude);
-        let wrench_error_n =
-            x_error.min(2.0) * force_n.x + PLANE_WRENCH_ROUNDING * (force_n.x + force_n.y);
+        let wrench_error_n = error_n(force_n.x, force_n.y);
+        let normal_error_n = error_n(normal_n.x, normal_n.y);
         Some(Piece {
             shorter,
             longer,
@@ -328,6 +333,7 @@ impl<'a, M: Provable> Curve<'a, M> {
             chord_wrench: self.plane.wrench_n(&half_chord_n),
             normal_wrench: self.plane.wrench_n(&normal_n),
             wrench_error_n,
+            normal_error_n,
         })
     }
 

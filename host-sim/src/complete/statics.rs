@@ -136,10 +136,13 @@ pub(super) fn examine<E>(pieces: &[&Piece<E>; CABLES], wrench_n: &Vector6<f64>) 
         slopes[k] = radius[k];
     }
     let (mut thickness_share, mut slope_share) = (Vector6::zeros(), Vector6::zeros());
-    // The columns of the normals are rounded as well.
-    let turned_n: f64 = pieces.iter().map(|p| p.normal_wrench.amax() * p.slope).sum();
+    // The columns of the normals are off as well: rounded, and of a plane that is not quite the true one.
+    let turned_n: f64 = pieces
+        .iter()
+        .map(|p| (ROUNDING * p.normal_wrench.amax() + p.normal_error_n) * p.slope)
+        .sum();
     for k in 0..CABLES {
-        slopes[k] += rows[k] * ROUNDING * turned_n;
+        slopes[k] += rows[k] * turned_n;
     }
     for (j, piece) in pieces.iter().enumerate() {
         let seen = (inverse * piece.normal_wrench).abs();

@@ -521,6 +521,7 @@ fn made_pieces(numbers: &mut Numbers) -> [Piece<()>; CABLES] {
             chord_wrench: line.plane.wrench_n(&half_chord_n),
             normal_wrench: line.plane.wrench_n(&normal_n),
             wrench_error_n: 0.0,
+            normal_error_n: 0.0,
         }
     })
 }
