@@ -343,6 +343,27 @@ fn check_nodes<M: Provable>(model: impl Fn(&Line) -> M) {
     assert!(corners > CABLES_TRIED, "{corners}");
 }
 
+/// The moment of the weight keeps the curve on one side of the line from anchor to attachment: on a
+/// line beside it, on the other side, there is no node, from wherever one looks.
+#[test]
+fn a_node_is_not_made_of_nothing() {
+    let mut numbers = Numbers(17);
+    for _ in 0..20_000 {
+        let line = Line::random(&mut numbers);
+        let model = line.catenary();
+        let curve = Curve::new(&model, &line.plane, 0.0);
+        let chord = curve.chord();
+        let below = Vector2::new(chord.y, -chord.x);
+        let weight_n = line.weight_n_m * curve.plane.distance_m();
+        let pull_n = weight_n * numbers.log_within(0.3, 1e3);
+        let near = CableState {
+            force_n: chord * pull_n + below * (weight_n * numbers.log_within(1e-3, 1.0)),
+            rest_length_m: curve.plane.distance_m() * numbers.within(0.9, 1.1),
+        };
+        assert!(curve.node_along(near, below, Interval::zero()).is_none(), "{near:?}");
+    }
+}
+
 #[test]
 fn nodes_of_catenaries_hold_their_point() {
     check_nodes(Line::catenary);
