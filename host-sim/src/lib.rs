@@ -4,10 +4,11 @@
 //! allocator, a file system or time:
 //!
 //! [`robot_file`] (what the robot is) → [`problem`] (one pose of it) → [`rigid`] (all solutions with
-//! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back), and in
-//! [`interval`] arithmetic [`complete`] (all of them, with a proof) → [`enumerate`] (the answer for one
-//! pose) → [`branches`] (over a range of a parameter) → [`output`] (as text, JSON or a picture). [`cases`] reads many poses from a file, [`in_order`] asks for them on
-//! all cores, [`cli`] is the command line.
+//! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back), and beside
+//! it [`complete`] (all of them, with a proof) → [`enumerate`] (the answer for one pose) → [`branches`]
+//! (over a range of a parameter) → [`output`] (as text, JSON or a picture). The proofs are computed in
+//! [`interval`] arithmetic, those of paths in [`dual`] intervals. [`cases`] reads many poses from a file,
+//! [`in_order`] asks for them on all cores, [`cli`] is the command line.
 
 pub mod branches;
 pub mod cases;
