@@ -218,24 +218,7 @@ impl Interval {
     /// `0 <= q < 1` with its complement to one. All terms rise with `q`.
     #[must_use]
     pub(crate) fn atanh_tail_slope(q: Self, complement: Self) -> Self {
-        let one = Self::one();
-        let from_q = one - q;
-        // As for the tail: of q and 1 - complement the tighter one counts at each end.
-        let low = if complement.high < from_q.high {
-            let end = Self::point(complement.high.min(1.0));
-            tail_slope(one - end, end)
-        } else {
-            let end = Self::point(q.low().max(0.0));
-            tail_slope(end, one - end)
-        };
-        let high = if complement.low() > from_q.low() {
-            let end = Self::point(complement.low());
-            tail_slope(one - end, end)
-        } else {
-            let end = Self::point(q.high);
-            tail_slope(end, one - end)
-        };
-        Self::checked(low.negated_low, high.high)
+        rising(q, complement, tail_slope)
     }
 }
 
@@ -382,25 +365,38 @@ impl Scalar for Interval {
 
     #[inline]
     fn atanh_tail(q: Self, complement: Self) -> Self {
-        // Two views of one number, q itself and 1 - complement: the tighter one counts at each end.
-        // They are compared as complements, in which near q = 1 neither loses digits.
-        let from_q = Self::one() - q;
-        let low = if complement.high < from_q.high {
-            let end = Self::point(complement.high.min(1.0));
-            tail(Self::one() - end, end)
-        } else {
-            let end = Self::point(q.low().max(0.0));
-            tail(end, Self::one() - end)
-        };
-        let high = if complement.low() > from_q.low() {
-            let end = Self::point(complement.low());
-            tail(Self::one() - end, end)
-        } else {
-            let end = Self::point(q.high);
-            tail(end, Self::one() - end)
-        };
-        Self::checked(low.negated_low, high.high)
+        rising(q, complement, tail)
     }
+}
+
+/// A function that rises with `q`, over all `q` and their complements to one, from what it is for a thin
+/// `q`.
+///
+/// The two are views of one number, `q` itself and `1 - complement`: the tighter one counts at each end.
+/// They are compared as complements, in which near `q = 1` neither loses digits.
+#[inline]
+fn rising(
+    q: Interval,
+    complement: Interval,
+    thin: impl Fn(Interval, Interval) -> Interval,
+) -> Interval {
+    let one = Interval::one();
+    let from_q = one - q;
+    let low = if complement.high < from_q.high {
+        let end = Interval::point(complement.high.min(1.0));
+        thin(one - end, end)
+    } else {
+        let end = Interval::point(q.low().max(0.0));
+        thin(end, one - end)
+    };
+    let high = if complement.low() > from_q.low() {
+        let end = Interval::point(complement.low());
+        thin(one - end, end)
+    } else {
+        let end = Interval::point(q.high);
+        thin(end, one - end)
+    };
+    Interval::checked(low.negated_low, high.high)
 }
 
 /// `sqrt(x^2 + z^2)` of two floats.
