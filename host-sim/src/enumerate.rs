@@ -118,6 +118,11 @@ pub struct SearchReport {
 }
 
 impl SearchReport {
+    /// No search, and why.
+    fn refused(reason: impl fmt::Display) -> Self {
+        Self { refusal: Some(reason.to_string()), undecided: Vec::new(), boxes: 0, pieces: 0 }
+    }
+
     /// Whether all solutions within the limits are known.
     #[must_use]
     pub fn is_complete(&self) -> bool {
@@ -346,16 +351,11 @@ impl Request {
         let found = match found {
             Ok(found) => found,
             Err(refusal) => {
-                answer.search = Some(SearchReport {
-                    refusal: Some(refusal.to_string()),
-                    undecided: Vec::new(),
-                    boxes: 0,
-                    pieces: 0,
-                });
+                answer.search = Some(SearchReport::refused(refusal));
                 return Ok(());
             }
         };
-        let decided = found.undecided.is_empty();
+        let mut undecided = found.undecided;
         let mut continued = std::mem::take(&mut answer.solutions);
         let mut others = Vec::new();
         for proof in &found.solutions {
@@ -371,7 +371,11 @@ impl Request {
                 known.solution.states = proof.states();
                 continue;
             }
-            let Some(solution) = Solution::at(problem, proof.states()) else { continue };
+            let Some(solution) = Solution::at(problem, proof.states()) else {
+                // It exists, but floats find it singular: not to be passed over.
+                undecided.push(Place { states: proof.enclosure() });
+                continue;
+            };
             others.push(FoundSolution {
                 sags_m: std::array::from_fn(|i| sag_m(problem, &solution, i)),
                 solution,
@@ -381,6 +385,7 @@ impl Request {
             });
         }
         // What continuation claims and the search excludes is no solution.
+        let decided = undecided.is_empty();
         let unproven = continued.iter().filter(|known| known.proof.is_none());
         answer.differences.extend(unproven.filter_map(|known| {
             Some(Difference::Unconfirmed { origin: known.origin?, contradicted: decided })
@@ -394,7 +399,7 @@ impl Request {
         answer.solutions.extend(others);
         answer.search = Some(SearchReport {
             refusal: None,
-            undecided: found.undecided,
+            undecided,
             boxes: found.boxes,
             pieces: found.pieces,
         });
@@ -457,11 +462,8 @@ impl Request {
             }
             branches.push(Branch::without_steps(origin, end));
         }
-        let search = method.searches().then(|| SearchReport {
-            refusal: Some("rigid cables are solved by linear algebra, without a proof".to_owned()),
-            undecided: Vec::new(),
-            boxes: 0,
-            pieces: 0,
+        let search = method.searches().then(|| {
+            SearchReport::refused("rigid cables are solved by linear algebra, without a proof")
         });
         Ok(Enumeration { rigid, solutions, branches, search, differences: Vec::new() })
     }

@@ -8,6 +8,9 @@ use cdpr_core::{
 
 use crate::robot_file::{CableLimits, CableMaterial};
 
+/// Part of the load that counts as a force even in a cable without any.
+pub(crate) const LEAST_FORCE: f64 = 1e-3;
+
 /// A robot with cable model `M` at one pose.
 #[derive(Clone, Debug)]
 pub struct Problem<M> {

@@ -43,6 +43,13 @@ pub(crate) struct Node<E> {
     pub(crate) end: E,
 }
 
+impl<E> Node<E> {
+    /// How far its force may be from the middle of its box, N.
+    pub(super) fn radius_n(&self) -> f64 {
+        self.state.force_n.x.radius() + self.state.force_n.y.radius()
+    }
+}
+
 /// What lies between two nodes: `force = center + u half_chord + v normal` with
 /// `u` in `[-1, 1]`, `|v| <= thickness` and `|dv/du| <= slope`, where `normal` is `half_chord` turned
 /// by a right angle.
@@ -162,7 +169,7 @@ impl<'a, M: Provable> Curve<'a, M> {
 
     /// Proves that the curve has exactly one point near `near` on the line across its tangent there.
     pub(crate) fn node(&self, near: CableState<f64>) -> Option<Node<M::End>> {
-        let tangent = self.linearised(&near)?.tangent;
+        let tangent = self.tangent(&near)?;
         self.node_along(near, tangent, Interval::zero())
     }
 
@@ -263,9 +270,9 @@ impl<'a, M: Provable> Curve<'a, M> {
         let sideways = direction.y * chord.x - direction.x * chord.y;
         // How far the nodes reach beyond the points that were taken for them, in half chords.
         let size = size_sq.sqrt();
-        let radius = |s: &CableState<Interval>| s.force_n.x.radius() + s.force_n.y.radius();
-        let slack =
-            (radius(a).max(radius(b)) + 8.0 * f64::EPSILON * (center_n.amax() + size)) / size;
+        let slack = (shorter.radius_n().max(longer.radius_n())
+            + 8.0 * f64::EPSILON * (center_n.amax() + size))
+            / size;
         let mut across = Interval::ENTIRE;
         let mut slope = f64::INFINITY;
         let mut reach = 1.0 + 2.0 * slack;

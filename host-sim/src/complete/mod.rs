@@ -93,10 +93,7 @@ impl Proof {
 
     /// Largest radius of the enclosure of a force, relative to it.
     fn relative_radius(&self) -> f64 {
-        let radius = self.nodes.iter().map(|node| {
-            let force = node.state.force_n;
-            (force.x.radius() + force.y.radius()) / node.near.force_n.norm()
-        });
+        let radius = self.nodes.iter().map(|node| node.radius_n() / node.near.force_n.norm());
         radius.fold(0.0, f64::max)
     }
 
@@ -119,15 +116,7 @@ pub struct Place {
 
 impl Place {
     fn of<E>(pieces: &[&Piece<E>; CABLES]) -> Self {
-        Self {
-            states: pieces.map(|piece| {
-                let (a, b) = (&piece.shorter.state, &piece.longer.state);
-                CableState {
-                    force_n: a.force_n.zip_map(&b.force_n, Interval::hull),
-                    rest_length_m: a.rest_length_m.hull(b.rest_length_m),
-                }
-            }),
-        }
+        Self { states: pieces.map(|piece| either(&piece.shorter.state, &piece.longer.state)) }
     }
 
     fn touches(&self, other: &Self) -> bool {
@@ -138,15 +127,15 @@ impl Place {
     }
 
     fn hull(&self, other: &Self) -> Self {
-        Self {
-            states: std::array::from_fn(|k| {
-                let (a, b) = (&self.states[k], &other.states[k]);
-                CableState {
-                    force_n: a.force_n.zip_map(&b.force_n, Interval::hull),
-                    rest_length_m: a.rest_length_m.hull(b.rest_length_m),
-                }
-            }),
-        }
+        Self { states: std::array::from_fn(|k| either(&self.states[k], &other.states[k])) }
+    }
+}
+
+/// The smallest box that holds two.
+fn either(a: &CableState<Interval>, b: &CableState<Interval>) -> CableState<Interval> {
+    CableState {
+        force_n: a.force_n.zip_map(&b.force_n, Interval::hull),
+        rest_length_m: a.rest_length_m.hull(b.rest_length_m),
     }
 }
 
@@ -278,11 +267,7 @@ fn ball<M: Provable>(
         return None;
     }
     // What the enclosure leaves open, along the curve: the ball need not be centred better.
-    let eta_n = proof.nodes.iter().map(|node| {
-        let force = node.state.force_n;
-        force.x.radius() + force.y.radius()
-    });
-    let eta_n = eta_n.fold(0.0, f64::max);
+    let eta_n = proof.nodes.iter().map(Node::radius_n).fold(0.0, f64::max);
     let beta = verdict.inverse_norm * radius_n;
     let omega_per_n = verdict.contraction / (beta * radius_n);
     Some(Kantorovich {

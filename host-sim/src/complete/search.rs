@@ -12,7 +12,7 @@ use super::model::Provable;
 use super::statics::{Verdict, examine, narrow};
 use super::{Place, Proof};
 use crate::interval::Interval;
-use crate::problem::Problem;
+use crate::problem::{LEAST_FORCE, Problem};
 
 /// Bound on the boxes of one pose. Poses of the reference cases take 50 to 3000.
 const MAX_BOXES: usize = 200_000;
@@ -20,8 +20,6 @@ const MAX_BOXES: usize = 200_000;
 const MAX_PIECES: usize = 20_000;
 /// A box whose pieces are all smaller than this part of their force is not cut any more.
 const LEAST_PIECE: f64 = 1e-7;
-/// Part of the load that counts as a force even in a cable without any.
-const LEAST_FORCE: f64 = 1e-3;
 /// Newton's method from the middle of a box.
 const NEWTON_STEPS: u32 = 16;
 /// Relative; what rounding leaves of long slack cables is more than in the cables at work.

@@ -32,11 +32,12 @@ use nalgebra::{Matrix2x3, Matrix6, Vector2, Vector6};
 use num_traits::Zero;
 
 use super::homotopy::Enclosed;
-use super::system::{LEAST_FORCE, Point, SIGMA, System};
+use super::system::{Point, SIGMA, System};
 use crate::complete::curve::{Curve, Node};
 use crate::complete::{Provable, Stretch};
 use crate::dual::Dual;
 use crate::interval::Interval;
+use crate::problem::LEAST_FORCE;
 
 /// Half length of a strand at least, in units of the way that the force moves along it.
 const ROOM: f64 = 1.1;

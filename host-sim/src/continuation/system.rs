@@ -17,6 +17,7 @@ use cdpr_core::{CABLES, CableModel, CableState, CurvePoint, EndPoint};
 use nalgebra::{Matrix6, Vector2, Vector6};
 
 use super::homotopy::Homotopy;
+use crate::problem::LEAST_FORCE;
 
 /// Number of coordinates of a path: six forces and `sigma`.
 pub(super) const COORDINATES: usize = CABLES + 1;
@@ -28,9 +29,6 @@ pub(crate) type Coordinates = [f64; COORDINATES];
 
 /// Relative step of the central difference in `sigma`: truncation and rounding both leave 1e-10.
 const SIGMA_STEP: f64 = 1e-5;
-
-/// Part of the total load that counts as a force even in a cable without any.
-pub(super) const LEAST_FORCE: f64 = 1e-3;
 
 /// Horizontal force, relative to the weight of the cable, at which the height of the simplified
 /// vertical cable is evaluated: its square is below rounding.
