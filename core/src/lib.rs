@@ -61,6 +61,7 @@
 
 pub mod cable;
 pub mod elimination;
+pub mod fault;
 pub mod force_curve;
 pub mod geometry;
 pub mod line;
@@ -68,15 +69,20 @@ pub mod newton;
 mod root;
 pub mod scalar;
 pub mod statics;
+pub mod tracker;
 pub mod wrench;
 
 pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
 pub use elimination::Elimination;
+pub use fault::{Fault, Remedy};
 pub use force_curve::{CableState, CurvePoint};
 pub use geometry::{Cable, CablePlane, GeometryFault, Pose, Robot};
 pub use line::{LineFault, LineSolution};
 pub use newton::{NewtonStep, StepFault};
 pub use scalar::{Real, Scalar};
+pub use tracker::{
+    CableCommand, CableLimits, Certificate, Command, SetPoint, Tracker, TrackerSettings, Twist,
+};
 pub use wrench::{Load, Wrench};
 
 /// Number of cables. Six cables and six equations of equilibrium make the system square.
