@@ -127,6 +127,108 @@ impl<T: Real> Elimination<T> {
     }
 }
 
+/// The inverse of a 6x6 matrix, in place: for where its norm is wanted as well as its product with
+/// several vectors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Inverse<T> {
+    /// Column by column.
+    columns: [[T; CABLES]; CABLES],
+}
+
+impl<T: Real> Inverse<T> {
+    /// Inverts a matrix given by its columns (Gauss and Jordan, partial pivoting); `None` when it is
+    /// singular to working precision or not finite.
+    #[inline]
+    pub(crate) fn new(columns: &[[T; CABLES]; CABLES]) -> Option<Self> {
+        let mut largest = T::zero();
+        for entry in columns.iter().flatten() {
+            largest = largest.max(entry.abs());
+        }
+        let threshold = largest * T::EPSILON;
+        let mut this = Self { columns: *columns };
+        let mut order = [0; CABLES];
+        let regular = this.exchange::<0>(threshold, &mut order)
+            && this.exchange::<1>(threshold, &mut order)
+            && this.exchange::<2>(threshold, &mut order)
+            && this.exchange::<3>(threshold, &mut order)
+            && this.exchange::<4>(threshold, &mut order)
+            && this.exchange::<5>(threshold, &mut order);
+        if !regular {
+            return None;
+        }
+        // Rows that were exchanged of the matrix are columns of its inverse.
+        for k in (0..CABLES).rev() {
+            let other = order[k];
+            if other != k && other < CABLES {
+                this.columns.swap(k, other);
+            }
+        }
+        Some(this)
+    }
+
+    /// Exchanges unknown `K` for the right side of the equation with the largest factor of it.
+    #[inline]
+    fn exchange<const K: usize>(&mut self, threshold: T, order: &mut [usize; CABLES]) -> bool {
+        let mut pivot_size = self.columns[K][K].abs();
+        let mut pivot_row = K;
+        for i in K + 1..CABLES {
+            let size = self.columns[K][i].abs();
+            if size > pivot_size {
+                pivot_size = size;
+                pivot_row = i;
+            }
+        }
+        let regular = pivot_size > threshold && pivot_size <= T::HUGE; // false for NaN
+        if !regular {
+            return false;
+        }
+        order[K] = pivot_row;
+        if pivot_row != K {
+            for column in &mut self.columns {
+                column.swap(K, pivot_row);
+            }
+        }
+        let reciprocal = T::one() / self.columns[K][K];
+        let mut factors = self.columns[K];
+        for i in 0..CABLES {
+            factors[i] *= reciprocal;
+        }
+        for j in 0..CABLES {
+            if j != K {
+                let top = self.columns[j][K];
+                for i in 0..CABLES {
+                    if i != K {
+                        self.columns[j][i] -= factors[i] * top;
+                    }
+                }
+                self.columns[j][K] = top * reciprocal;
+            }
+        }
+        for i in 0..CABLES {
+            self.columns[K][i] = if i == K { reciprocal } else { -factors[i] };
+        }
+        true
+    }
+
+    /// The product with a vector.
+    #[inline]
+    pub(crate) fn times(&self, right: &Vector6<T>) -> Vector6<T> {
+        let mut x = [T::zero(); CABLES];
+        for j in 0..CABLES {
+            for i in 0..CABLES {
+                x[i] += self.columns[j][i] * right[j];
+            }
+        }
+        Vector6::from(x)
+    }
+
+    /// Frobenius norm.
+    #[inline]
+    pub(crate) fn norm(&self) -> T {
+        self.columns.iter().flatten().fold(T::zero(), |sum, entry| sum + *entry * *entry).sqrt()
+    }
+}
+
 /// Largest column sum of absolute values.
 #[inline]
 fn one_norm<T: Real>(matrix: &Matrix6<T>) -> T {

@@ -31,24 +31,43 @@ impl<T: Scalar> CableState<T> {
 }
 
 /// The force curve linearised at a state.
+///
+/// Its two families of directions span all changes of force and rest length: along the curve with
+/// the end held, and with the force moving across the curve so that the end moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurvePoint<T: Scalar> {
     /// Unit tangent of the curve in the force plane, towards longer cables.
     pub tangent: Vector2<T>,
     /// Change of the rest length per newton along the tangent, m/N, never negative.
     pub length_per_force_m_n: T,
-    /// Shortest way back to the curve: change of the force, N.
-    pub correction_n: Vector2<T>,
-    /// Shortest way back to the curve: change of the rest length, m.
-    pub length_correction_m: T,
+    /// Change of the force across the tangent (along [`CurvePoint::normal`]) per metre that the end
+    /// moves in x and in z, N/m.
+    pub normal_force_by_end_n_m: Vector2<T>,
+    /// Change of the rest length then, per metre in x and in z.
+    pub length_by_end: Vector2<T>,
+    /// Where the cable ends at the state, less where it should, m.
+    pub gap_m: Vector2<T>,
 }
 
 impl<T: Real> CurvePoint<T> {
+    /// A place for a point, not one of any curve.
+    pub(crate) fn none() -> Self {
+        let zero = Vector2::new(T::zero(), T::zero());
+        Self {
+            tangent: zero,
+            length_per_force_m_n: T::zero(),
+            normal_force_by_end_n_m: zero,
+            length_by_end: zero,
+            gap_m: zero,
+        }
+    }
+
     /// Linearises the curve of a cable that should end at `(x_m, z_m)` and at `state` ends at `end`.
     ///
-    /// With `r1`, `r2` the rows of the derivative in the unknowns `F/s_F` and `L/s_L`
-    /// (`s_F = |Fx| + |Fz|`, `s_L = L`), the tangent is `t = r1 x r2` and the minimum-norm solution
-    /// of `r1 . d = -g1`, `r2 . d = -g2` is `d = t x (g1 r2 - g2 r1) / |t|^2`. No inverse of the
+    /// With `J_F` (columns for Fx, Fz) and `J_L` the derivative of the end, the tangent is
+    /// `t = (-J_F^+ J_L, 1)` up to its length, written as the cross product of the two rows of the
+    /// derivative. With the force part of `t` of length `|t_F|` and the unit normal `n`,
+    /// `(J_F n) x J_L = |t_F|`: the directions across need no other division, and no inverse of the
     /// compliance appears, so massless and inextensible cables are covered.
     ///
     /// At a singular point, where the tension vanishes somewhere, the result is not finite: see
@@ -56,42 +75,68 @@ impl<T: Real> CurvePoint<T> {
     // Left to the compiler this stays a call whose result goes through memory: 2 % of a step.
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    pub fn new(end: &EndPoint<T>, x_m: T, z_m: T, state: &CableState<T>) -> Self {
-        let force_scale = state.force_n.x.abs() + state.force_n.y.abs();
-        let length_scale = state.rest_length_m;
-        // Dividing the rows by the length as well makes every entry a number around one or below.
-        let per_length = T::one() / length_scale;
-        let scale = force_scale * per_length;
+    pub fn new(end: &EndPoint<T>, x_m: T, z_m: T) -> Self {
         let j = &end.jacobian;
-        let r1 = [j.m11 * scale, j.m12 * scale, j.m13];
-        let r2 = [j.m21 * scale, j.m22 * scale, j.m23];
-        let t = cross(&r1, &r2);
-        let force_part_sq = t[0] * t[0] + t[1] * t[1];
-        let inverse_square = T::one() / (force_part_sq + t[2] * t[2]);
-        let g1 = (end.position_m.x - x_m) * per_length * inverse_square;
-        let g2 = (end.position_m.y - z_m) * per_length * inverse_square;
-        let skew = core::array::from_fn(|k| g1 * r2[k] - g2 * r1[k]);
-        let back = cross(&t, &skew);
-        let inverse_force_part = T::one() / force_part_sq.sqrt();
+        let tx = j.m12 * j.m23 - j.m13 * j.m22;
+        let tz = j.m13 * j.m21 - j.m11 * j.m23;
+        let per_force = T::one() / (tx * tx + tz * tz).sqrt();
+        let tangent = Vector2::new(tx * per_force, tz * per_force);
+        // How the end moves when the force moves along the normal (-tangent.y, tangent.x).
+        let sideways = Vector2::new(
+            j.m12 * tangent.x - j.m11 * tangent.y,
+            j.m22 * tangent.x - j.m21 * tangent.y,
+        );
         Self {
-            tangent: Vector2::new(t[0] * inverse_force_part, t[1] * inverse_force_part),
-            length_per_force_m_n: t[2] * inverse_force_part * (length_scale / force_scale),
-            correction_n: Vector2::new(back[0] * force_scale, back[1] * force_scale),
-            length_correction_m: back[2] * length_scale,
+            tangent,
+            length_per_force_m_n: (j.m11 * j.m22 - j.m12 * j.m21) * per_force,
+            normal_force_by_end_n_m: Vector2::new(j.m23 * per_force, -(j.m13 * per_force)),
+            length_by_end: Vector2::new(-(sideways.y * per_force), sideways.x * per_force),
+            gap_m: Vector2::new(end.position_m.x - x_m, end.position_m.y - z_m),
         }
+    }
+
+    /// Unit normal of the curve in the force plane: the tangent turned by a right angle to the left.
+    #[inline]
+    #[must_use]
+    pub fn normal(&self) -> Vector2<T> {
+        Vector2::new(-self.tangent.y, self.tangent.x)
+    }
+
+    /// Change of the force, across the tangent, when the end moves by `end_m`, N.
+    #[inline]
+    #[must_use]
+    pub fn force_by_end(&self, end_m: &Vector2<T>) -> Vector2<T> {
+        let by_end = &self.normal_force_by_end_n_m;
+        self.normal() * (by_end.x * end_m.x + by_end.y * end_m.y)
+    }
+
+    /// Change of the rest length that goes with it, m.
+    #[inline]
+    #[must_use]
+    pub fn length_by_end_m(&self, end_m: &Vector2<T>) -> T {
+        self.length_by_end.x * end_m.x + self.length_by_end.y * end_m.y
+    }
+
+    /// The way back to the curve, across it: change of the force, N.
+    #[inline]
+    #[must_use]
+    pub fn correction_n(&self) -> Vector2<T> {
+        self.force_by_end(&-self.gap_m)
+    }
+
+    /// The way back to the curve, across it: change of the rest length, m.
+    #[inline]
+    #[must_use]
+    pub fn length_correction_m(&self) -> T {
+        self.length_by_end_m(&-self.gap_m)
     }
 
     /// Whether all numbers are finite (or, which never happens to a real cable, their sum overflows).
     #[inline]
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let force = self.tangent + self.correction_n;
-        // One sum instead of six checks: infinities and NaN do not cancel out of it.
-        (force.x + force.y + self.length_per_force_m_n + self.length_correction_m).is_finite()
+        let across = self.normal_force_by_end_n_m + self.length_by_end + self.gap_m + self.tangent;
+        // One sum instead of nine checks: infinities and NaN do not cancel out of it.
+        (across.x + across.y + self.length_per_force_m_n).is_finite()
     }
-}
-
-#[inline]
-fn cross<T: Scalar>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -185,6 +185,34 @@ impl<T: Real> Pose<T> {
     }
 }
 
+impl<T: Real> Pose<T> {
+    /// The pose at the share `s` in `[0, 1]` of the way to `other`: positions and axes go straight, and
+    /// the axes are made orthonormal again to the third order of the angle (one step of Newton's method
+    /// for the polar factor, `R (3 - R^T R) / 2`).
+    #[must_use]
+    pub(crate) fn between(&self, other: &Self, s: T) -> Self {
+        let position_m = self.position_m + (other.position_m - self.position_m) * s;
+        let r = self.rotation + (other.rotation - self.rotation) * s;
+        let excess = Matrix3::identity() * T::constant(3.0) - r.transpose() * r;
+        Self { position_m, rotation: r * excess * T::constant(0.5) }
+    }
+
+    /// How far `other` is: distance of the origins (m), and Frobenius norm of the difference of the
+    /// axes, which bounds how far any point moves by turning, over its distance from the origin.
+    #[must_use]
+    pub(crate) fn apart(&self, other: &Self) -> (T, T) {
+        let way = other.position_m - self.position_m;
+        let turn = other.rotation - self.rotation;
+        let square = turn.iter().fold(T::zero(), |sum, c| sum + *c * *c);
+        (norm3(&way), square.sqrt())
+    }
+
+    /// Largest coordinate of the position, without sign, m.
+    pub(crate) fn size_m(&self) -> T {
+        self.position_m.iter().fold(T::zero(), |largest, c| largest.max(c.abs()))
+    }
+}
+
 impl<T: Scalar> Pose<T> {
     /// Position of the platform origin, world frame, m.
     pub fn position_m(&self) -> &Vector3<T> {
@@ -236,6 +264,12 @@ impl<T: Real> CablePlane<T> {
     pub fn distance_m(&self) -> T {
         T::hypot_with_excess(self.x_m, self.z_m).0
     }
+}
+
+/// Length of a vector.
+#[inline]
+pub(crate) fn norm3<T: Scalar>(v: &Vector3<T>) -> T {
+    dot(v, v).sqrt()
 }
 
 /// Scalar product.

@@ -56,10 +56,11 @@
 //! SI units everywhere: m, N, kg, rad, s. Raw scalars carry their unit in the name.
 
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)] // but for the square root of the target: see scalar.rs
 #![warn(clippy::std_instead_of_core, clippy::std_instead_of_alloc, clippy::alloc_instead_of_core)]
 
 pub mod cable;
+pub mod certificate;
 pub mod elimination;
 pub mod fault;
 pub mod force_curve;
@@ -73,6 +74,7 @@ pub mod tracker;
 pub mod wrench;
 
 pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
+pub use certificate::{Certificate, CurveShape, ShapedCable};
 pub use elimination::Elimination;
 pub use fault::{Fault, Remedy};
 pub use force_curve::{CableState, CurvePoint};
@@ -80,9 +82,7 @@ pub use geometry::{Cable, CablePlane, GeometryFault, Pose, Robot};
 pub use line::{LineFault, LineSolution};
 pub use newton::{NewtonStep, StepFault};
 pub use scalar::{Real, Scalar};
-pub use tracker::{
-    CableCommand, CableLimits, Certificate, Command, SetPoint, Tracker, TrackerSettings, Twist,
-};
+pub use tracker::{CableCommand, CableLimits, Command, SetPoint, Tracker, TrackerSettings, Twist};
 pub use wrench::{Load, Wrench};
 
 /// Number of cables. Six cables and six equations of equilibrium make the system square.

@@ -82,7 +82,7 @@ impl<T: Real> NewtonStep<T> {
             let gap =
                 (end.position_m.x - plane.x_m).abs().max((end.position_m.y - plane.z_m).abs());
             closure_m = closure_m.max(gap);
-            CurvePoint::new(&end, plane.x_m, plane.z_m, state)
+            CurvePoint::new(&end, plane.x_m, plane.z_m)
         });
         for i in 0..CABLES {
             if !is_length(states[i].rest_length_m) {
@@ -94,7 +94,7 @@ impl<T: Real> NewtonStep<T> {
         }
         let mut imbalance = *balance.wrench_n();
         for i in 0..CABLES {
-            imbalance += planes[i].wrench_n(&(states[i].force_n + curves[i].correction_n));
+            imbalance += planes[i].wrench_n(&(states[i].force_n + curves[i].correction_n()));
         }
         let columns: [Vector6<T>; CABLES] =
             core::array::from_fn(|i| planes[i].wrench_n(&curves[i].tangent));
@@ -105,9 +105,9 @@ impl<T: Real> NewtonStep<T> {
         let mut next = *states;
         for i in 0..CABLES {
             let (curve, state) = (&curves[i], &states[i]);
-            let force_change = curve.correction_n + curve.tangent * advance_n[i];
+            let force_change = curve.correction_n() + curve.tangent * advance_n[i];
             let length_change =
-                curve.length_correction_m + curve.length_per_force_m_n * advance_n[i];
+                curve.length_correction_m() + curve.length_per_force_m_n * advance_n[i];
             next[i].force_n = state.force_n + force_change;
             next[i].rest_length_m = state.rest_length_m + length_change;
             if !is_length(next[i].rest_length_m) {
@@ -201,10 +201,18 @@ pub fn converge<T: Real, M: CableModel<T>>(
 }
 
 /// Positive and finite; false for NaN.
-fn is_length<T: Real>(length_m: T) -> bool {
+#[inline]
+pub(crate) fn is_length<T: Real>(length_m: T) -> bool {
     length_m > T::zero() && length_m <= T::HUGE
 }
 
-fn max_component<T: Real>(vector: &Vector6<T>) -> T {
+#[inline]
+pub(crate) fn max_component<T: Real>(vector: &Vector6<T>) -> T {
     vector.iter().fold(T::zero(), |largest, c| largest.max(c.abs()))
+}
+
+/// Euclidean norm.
+#[inline]
+pub(crate) fn norm<T: Real>(vector: &Vector6<T>) -> T {
+    vector.iter().fold(T::zero(), |sum, c| sum + *c * *c).sqrt()
 }

@@ -101,12 +101,12 @@ macro_rules! implement_for_float {
 
             #[inline]
             fn sqrt(self) -> Self {
-                libm::$sqrt(self)
+                square_root::$sqrt(self)
             }
 
             #[inline]
             fn hypot_with_excess(x: Self, z: Self) -> (Self, Self) {
-                let t = libm::$sqrt(x * x + z * z);
+                let t = square_root::$sqrt(x * x + z * z);
                 // x (x / (t + z)) rather than x^2 / (t + z): x^2 would underflow first.
                 let excess = if z > 0.0 { x * (x / (t + z)) } else { t - z };
                 (t, excess)
@@ -184,6 +184,23 @@ macro_rules! implement_for_float {
 // Bisections: log2(2 * 128 ln 2 / 2^-23) = 31 for f32, log2(2 * 1024 ln 2 / 2^-52) = 63 for f64.
 implement_for_float!(f32, u32, sqrtf, logf, near: 1.0 / 64.0, 4, far: 1.0 / 16.0, 6, bisections: 32);
 implement_for_float!(f64, u64, sqrt, log, near: 1.0 / 256.0, 7, far: 1.0 / 16.0, 13, bisections: 64);
+
+/// The square root, correctly rounded everywhere and therefore the same on every machine.
+///
+/// On a controller `libm` computes it in software, 57 instructions in f32; a call of C's `sqrtf` is one
+/// `VSQRT` where the processor has it, and where not, the linker finds the function in Rust's own
+/// `compiler_builtins`. The only unsafe declaration of this crate.
+mod square_root {
+    #[cfg(not(target_os = "none"))]
+    pub(super) use libm::{sqrt, sqrtf};
+
+    #[cfg(target_os = "none")]
+    #[allow(unsafe_code)] // both take and return a number and touch nothing else
+    unsafe extern "C" {
+        pub(super) safe fn sqrt(x: f64) -> f64;
+        pub(super) safe fn sqrtf(x: f32) -> f32;
+    }
+}
 
 /// `1/3 + t/5 + t^2/7 + ...`, `TERMS` terms, by Horner's rule from the smallest.
 #[inline]

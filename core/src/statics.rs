@@ -45,7 +45,8 @@ impl<T: Real> Balance<T> {
         Self::with_directions(robot, load, pose, |i| self.planes[i].direction)
     }
 
-    fn with_directions<M>(
+    /// The same with the direction that each cable keeps when it is exactly vertical.
+    pub(crate) fn with_directions<M>(
         robot: &Robot<T, M>,
         load: &Load<T>,
         pose: &Pose<T>,

@@ -35,4 +35,15 @@ impl<T: Scalar> Load<T> {
         let arm = pose.turn(&self.center_of_mass_m);
         Wrench { force_n: weight + self.force_n, moment_nm: arm.cross(&weight) + self.moment_nm }
     }
+
+    /// How the moment of this load changes when the platform at `pose` turns: its force does not.
+    pub(crate) fn moment_rate_nm_s(
+        &self,
+        pose: &Pose<T>,
+        angular_rad_s: &Vector3<T>,
+    ) -> Vector3<T> {
+        let weight_n = self.mass_kg * self.gravity_m_s2;
+        let turn = angular_rad_s.cross(&pose.turn(&self.center_of_mass_m));
+        Vector3::new(-(turn.y * weight_n), turn.x * weight_n, T::zero())
+    }
 }

@@ -148,14 +148,14 @@ fn to_curve<M: CableModel<f64>>(
     let mut state = guess;
     for _ in 0..STEPS_TO_CURVE {
         let end = model.end_point(state.force_n, state.rest_length_m);
-        let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, &state);
+        let curve = CurvePoint::new(&end, plane.x_m, plane.z_m);
         if !curve.is_finite() {
             return None;
         }
-        let force = curve.correction_n.norm() / state.force_n.norm();
-        let length = curve.length_correction_m.abs() / state.rest_length_m;
-        state.force_n += curve.correction_n;
-        state.rest_length_m += curve.length_correction_m;
+        let force = curve.correction_n().norm() / state.force_n.norm();
+        let length = curve.length_correction_m().abs() / state.rest_length_m;
+        state.force_n += curve.correction_n();
+        state.rest_length_m += curve.length_correction_m();
         // A cable pulls its attachment towards the anchor, never away from it.
         if !(state.rest_length_m > 0.0 && state.force_n.x > 0.0) {
             return None;

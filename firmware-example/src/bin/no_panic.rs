@@ -79,7 +79,13 @@ mod image {
         show(nested_force(&model, x_m, z_m, rest_length_m));
 
         let state = state::<T>();
-        black_box(CurvePoint::new(&end, x_m, z_m, &state));
+        let curve = CurvePoint::new(&end, x_m, z_m);
+        black_box((curve.correction_n(), curve.length_correction_m(), curve.is_finite()));
+        black_box((
+            curve.normal(),
+            curve.force_by_end(&vector2()),
+            curve.length_by_end_m(&vector2()),
+        ));
         black_box((state.tension_at_attachment_n(), state.tension_at_anchor_n(number())));
 
         let cables =

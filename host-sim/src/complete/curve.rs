@@ -122,7 +122,7 @@ impl<'a, M: Provable> Curve<'a, M> {
     /// The linearised curve at `state`; `None` where it is singular.
     pub(crate) fn linearised(&self, state: &CableState<f64>) -> Option<CurvePoint<f64>> {
         let end = self.model.end_point(state.force_n, state.rest_length_m);
-        let curve = CurvePoint::new(&end, self.plane.x_m, self.plane.z_m, state);
+        let curve = CurvePoint::new(&end, self.plane.x_m, self.plane.z_m);
         curve.is_finite().then_some(curve)
     }
 
@@ -142,10 +142,10 @@ impl<'a, M: Provable> Curve<'a, M> {
         let mut state = guess;
         for _ in 0..NEWTON_STEPS {
             let curve = self.linearised(&state)?;
-            let back = state.force_n + curve.correction_n;
+            let back = state.force_n + curve.correction_n();
             let along = (target_n - back.dot(&axis)) / curve.tangent.dot(&axis);
             let force_n = back + curve.tangent * along;
-            let length_change = curve.length_correction_m + curve.length_per_force_m_n * along;
+            let length_change = curve.length_correction_m() + curve.length_per_force_m_n * along;
             let change = ((force_n - state.force_n).amax() / force_n.amax())
                 .max(length_change.abs() / state.rest_length_m);
             state = CableState { force_n, rest_length_m: state.rest_length_m + length_change };

@@ -228,7 +228,7 @@ fn check_piece<M: Provable>(curve: &Curve<'_, M>, piece: &Piece<M::End>, seen: &
         assert!(strip.contains(offset_n), "{offset_n} {strip:?}");
         // The direction, where the float's tangent is known.
         let end = curve.model.end_point(state.force_n, state.rest_length_m);
-        let tangent = cdpr_core::CurvePoint::new(&end, x, z, state).tangent;
+        let tangent = cdpr_core::CurvePoint::new(&end, x, z).tangent;
         let across = tangent.dot(&normal_n) / tangent.dot(&piece.half_chord_n);
         if error < 1e-9 {
             if piece.slope.is_finite() {

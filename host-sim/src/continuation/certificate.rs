@@ -357,12 +357,12 @@ fn strands<H: Enclosed>(
         } else {
             let model = homotopy.model(i, range.middle);
             let end = model.end_point(middle.force_n, middle.rest_length_m);
-            let linear = CurvePoint::new(&end, plane.x_m, plane.z_m, &middle);
+            let linear = CurvePoint::new(&end, plane.x_m, plane.z_m);
             if !linear.is_finite() {
                 return None;
             }
-            frame.state.force_n += linear.correction_n;
-            frame.state.rest_length_m += linear.length_correction_m;
+            frame.state.force_n += linear.correction_n();
+            frame.state.rest_length_m += linear.length_correction_m();
             frame.axis = linear.tangent;
             frame.length_per_force_m_n = linear.length_per_force_m_n;
             let weight_n_m = model.weight_n_m();

@@ -83,8 +83,8 @@ pub(super) fn kantorovich<H: Homotopy>(
                 let mut state = corner.states[i];
                 // Back to the curve, so that the sample is a point of it.
                 let back = system.curve(i, &state, corner.sigma)?.curve;
-                state.force_n += back.correction_n;
-                state.rest_length_m += back.length_correction_m;
+                state.force_n += back.correction_n();
+                state.rest_length_m += back.length_correction_m();
                 see(&state, corner.sigma)?;
             }
         }
@@ -165,8 +165,8 @@ fn size_of_step<H: Homotopy>(linear: &Linearised<'_, H>, point: &Point, step: &C
     let along = step.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
     let back = linear.curves.iter().zip(&point.states).zip(&linear.scales).map(
         |((moving, state), scale)| {
-            let force = moving.curve.correction_n.amax() / scale;
-            force.max(moving.curve.length_correction_m.abs() / state.rest_length_m)
+            let force = moving.curve.correction_n().amax() / scale;
+            force.max(moving.curve.length_correction_m().abs() / state.rest_length_m)
         },
     );
     back.fold(along, f64::max)

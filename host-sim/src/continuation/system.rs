@@ -98,15 +98,15 @@ impl<H: Homotopy> System<'_, H> {
     ) -> Option<MovingCurve> {
         let plane = &self.homotopy.planes()[cable];
         let end = self.end_point(cable, state, sigma);
-        let curve = CurvePoint::new(&end, plane.x_m, plane.z_m, state);
+        let curve = CurvePoint::new(&end, plane.x_m, plane.z_m);
         let ahead = self.end_point(cable, state, sigma + SIGMA_STEP).position_m;
         let behind = self.end_point(cable, state, sigma - SIGMA_STEP).position_m;
         let drift = EndPoint { position_m: (ahead - behind) / (2.0 * SIGMA_STEP), ..end };
-        let shift = CurvePoint::new(&drift, 0.0, 0.0, state);
+        let shift = CurvePoint::new(&drift, 0.0, 0.0);
         (curve.is_finite() && shift.is_finite()).then_some(MovingCurve {
             curve,
-            shift_n: shift.correction_n,
-            length_shift_m: shift.length_correction_m,
+            shift_n: shift.correction_n(),
+            length_shift_m: shift.length_correction_m(),
         })
     }
 
@@ -131,7 +131,7 @@ impl<H: Homotopy> System<'_, H> {
             scales[i] = state.force_n.norm() + LEAST_FORCE * load;
             columns[i] = planes[i].wrench_n(&moving.curve.tangent) * scales[i];
             columns[SIGMA] += planes[i].wrench_n(&moving.shift_n);
-            imbalance += planes[i].wrench_n(&(state.force_n + moving.curve.correction_n));
+            imbalance += planes[i].wrench_n(&(state.force_n + moving.curve.correction_n()));
             curves.push(moving);
         }
         Some(Linearised { system: self, curves, load_shift_n, columns, scales, imbalance })
@@ -204,12 +204,12 @@ impl<H: Homotopy> Linearised<'_, H> {
             let (curve, along, shift) = (&moving.curve, step[i] * self.scales[i], step[SIGMA]);
             let length_change = curve.length_per_force_m_n * along
                 + moving.length_shift_m * shift
-                + curve.length_correction_m * share;
+                + curve.length_correction_m() * share;
             CableState {
                 force_n: state.force_n
                     + curve.tangent * along
                     + moving.shift_n * shift
-                    + curve.correction_n * share,
+                    + curve.correction_n() * share,
                 rest_length_m: state.rest_length_m * (length_change / state.rest_length_m).exp(),
             }
         });

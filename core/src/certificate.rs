@@ -1,0 +1,352 @@
+//! What is proven about a solution: that it exists, that it is alone, and that it belongs to the
+//! branch of the solution before.
+//!
+//! # Coordinates
+//!
+//! At the linearisation point `(F_i, L_i)` of a tick let `t_i` be the unit tangent of force curve `i`
+//! and `p_i = t_i . (F - F_i)`. While the platform moves from its last pose (`s = 0`) to the new one
+//! (`s = 1`, attachments, lever arms and load moving along straight lines), the curves move too; the
+//! point of curve `i` at `p_i` has the force `F_i^s(p_i)`, and what must vanish is
+//!
+//! ```text
+//! Phi_s(p) = wrench(s) + sum_i G_i^s F_i^s(p_i),      A = (columns G_i^1 t_i)^-1
+//! ```
+//!
+//! # Theorem
+//!
+//! (Banach, with a parameter.) Let `|A Phi_s(0)| <= eta` and `|A Phi_s' - I| <= k <= 1/2` for all `s`
+//! and all `|p| <= 2 eta`. Then for every `s` there is exactly one solution in that ball, it depends
+//! continuously on `s`, and the solution at `s = 0` is the one before if that one lies in the ball: the
+//! two ends belong to one branch. Norms are Euclidean; `|A|` is the Frobenius norm.
+//!
+//! # Bounds
+//!
+//! `Phi` is separable: column `i` of `Phi_s'` is the wrench of one unit tangent. It changes because the
+//! tangent turns along its curve (curvature times `p`), because the curve moves (turn times the move of
+//! the attachment, in the plane and with the plane), and because the lever arm moves. With a lever arm
+//! below 1 (moments are over the largest one) a unit force has a wrench of at most `sqrt 2`. How much a
+//! curve can bend and move is a property of the cable model, its [`CurveShape`]. The bounds hold over
+//! the whole ball and all poses in between, not only at the point: within the trusted region, where
+//! no end tension changes by more than a sixteenth, they are taken at their worst.
+//!
+//! `A Phi_s(0)` is the Newton step at `s = 1`; at `s = 0` it is at most `1 + k` times the distance of the
+//! last solution; in between it is no more than at both ends but for its second derivative in `s`.
+
+use core::f64::consts::SQRT_2;
+
+use crate::{
+    CABLES, CableModel, CablePlane, CableState, CurvePoint, IrvineCatenary, LinearElastic,
+    NonDeformable, Real, Scalar,
+};
+
+/// Numbers without dimension that bound how the force curve of a cable model bends, and how it moves
+/// with the end of the cable. They hold for all states of a cable that hangs down to its attachment
+/// (`z <= 0`) and, of others, for those with `W <= 3/4 S`; tension is positive along the cable and the
+/// mean strain of its ends below one tenth.
+///
+/// With `T` the smaller of the end tensions, `S` their sum, `W` the weight of the cable and
+/// `n = Fx/X` the stiffness of its swing:
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurveShape {
+    /// The curvature of the force curve is at most this times `(W/S)^2 Fx / T^2`.
+    pub curvature: f64,
+    /// When the end moves, the force across the tangent changes by at most this times `n` per metre.
+    pub response: f64,
+    /// And the tangent turns by at most this times `n/T` per metre.
+    pub turn: f64,
+    /// The second derivative of that force is at most this times `(n^2 + w^2)/T`.
+    pub second: f64,
+}
+
+/// A [`CableModel`] whose [`CurveShape`] is known, so that its branches can be certified.
+///
+/// # Contract
+/// The bounds of [`CurveShape`] hold; the force at the anchor changes by at most 3/2 of what the
+/// force at the attachment does along the curve, and by `n + w` per metre that the end moves.
+pub trait ShapedCable<T: Scalar>: CableModel<T> {
+    /// The bounds.
+    const SHAPE: CurveShape;
+}
+
+/// Of the elastic catenary: the largest values over all states (sampled: see the tests) are 6.64, 2.28,
+/// 4.35 and 1.02, and strain makes each of them smaller.
+const CATENARY: CurveShape = CurveShape { curvature: 7.0, response: 2.4, turn: 4.6, second: 1.1 };
+
+impl<T: Scalar> ShapedCable<T> for IrvineCatenary<T> {
+    const SHAPE: CurveShape = CATENARY;
+}
+
+/// Straight lines: nothing bends, and the force turns with the line.
+const LINE: CurveShape = CurveShape { curvature: 0.0, response: 1.0, turn: 1.0, second: 2.0 };
+
+impl<T: Scalar> ShapedCable<T> for LinearElastic<T> {
+    const SHAPE: CurveShape = LINE;
+}
+
+impl<T: Scalar> ShapedCable<T> for NonDeformable {
+    const SHAPE: CurveShape = LINE;
+}
+
+/// What is proven about a [`Command`](crate::Command).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Certificate<T> {
+    /// Kantorovich's `h = |A| omega eta`: the norm of the inverse derivative, the change of the
+    /// derivative per newton over the whole ball, and the largest Newton step of all poses in between.
+    /// At most 1/4.
+    pub h: T,
+    /// Contraction of the simplified Newton's method over the ball and over all poses since the last
+    /// command: at most 1/2.
+    pub contraction: T,
+    /// There is a solution within this distance of the command, in newtons along the six force
+    /// curves (2-norm). Rounding is in it, and nearly all of it.
+    pub existence_radius_n: T,
+    /// And no other within this.
+    pub uniqueness_radius_n: T,
+}
+
+/// How far the platform has moved since the last certified solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Move<T> {
+    /// No attachment has moved further, m.
+    pub(crate) attachment_m: T,
+    /// No lever arm has moved further, over the moment arm.
+    pub(crate) lever_arm: T,
+}
+
+/// What the bounds need to know of one cable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CableFacts<T> {
+    /// Weight per length, N/m.
+    pub(crate) weight_n_m: T,
+    /// Weight, N.
+    pub(crate) weight_n: T,
+    /// Smaller of the end tensions, N.
+    pub(crate) tension_n: T,
+    /// Sum of the end tensions, N.
+    pub(crate) tensions_n: T,
+    /// Horizontal force, N.
+    pub(crate) horizontal_n: T,
+    /// Horizontal part of the unit tangent, without sign.
+    pub(crate) horizontal_tangent: T,
+    /// Horizontal distance of the ends, m.
+    pub(crate) x_m: T,
+    /// Bound on the change of the force per metre that the end moves, N/m.
+    pub(crate) response_n_m: T,
+    /// Distance of the end from where it should be, m.
+    pub(crate) gap_m: T,
+}
+
+/// The factor between `S / (2 d)`, with `d` the distance of the ends, and the bound on the response of the
+/// force over the trusted region: `n <= S/(2 L)`, where `S` may rise by 1/16 and `L` is at least `d/1.2`.
+const RESPONSE_OVER_REGION: f64 = 0.5 * 1.2 * 17.0 / 16.0;
+
+/// Sums over the cables of what may change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Change<T> {
+    /// Square of the change of the matrix per newton of the radius.
+    omega_sq: T,
+    /// Square of its change by the move.
+    by_move_sq: T,
+    /// Change of the wrench of second order, N.
+    second_n: T,
+    /// Whether all cables stay within their trusted regions.
+    is_trusted: bool,
+}
+
+impl<T: Real> Change<T> {
+    #[inline]
+    fn new() -> Self {
+        Self { omega_sq: T::zero(), by_move_sq: T::zero(), second_n: T::zero(), is_trusted: true }
+    }
+
+    /// Adds a cable whose coordinate stays within `radius_n`.
+    #[inline]
+    fn add(&mut self, shape: &CurveShape, cable: &CableFacts<T>, moved: &Move<T>, radius_n: T) {
+        let two = T::constant(2.0);
+        let way = moved.attachment_m + cable.gap_m;
+        let per_tension = T::one() / cable.tension_n;
+        // Both end forces stay within this of their places.
+        let reach =
+            T::constant(1.5) * radius_n + two * (cable.response_n_m + cable.weight_n_m) * way;
+        let room_m = cable.x_m - moved.attachment_m;
+        self.is_trusted = self.is_trusted
+            && reach <= T::constant(1.0 / 16.0) * cable.tension_n
+            && room_m > T::zero();
+        // (16/15)^4 = 1.295: the end tensions may fall by a sixteenth.
+        let ratio = (cable.weight_n + two * reach) * per_tension / cable.tensions_n;
+        let curvature =
+            T::constant(1.295 * shape.curvature) * (ratio * ratio) * (cable.horizontal_n + reach);
+        let per_room = T::one() / room_m;
+        let turn = T::constant(16.0 / 15.0 * shape.turn / shape.response)
+            * cable.response_n_m
+            * way
+            * per_tension;
+        let with_plane = (cable.horizontal_tangent + turn + curvature * radius_n)
+            * (moved.attachment_m * per_room);
+        let column = T::constant(SQRT_2) * (turn + with_plane) + moved.lever_arm;
+        self.omega_sq += two * (curvature * curvature);
+        self.by_move_sq += column * column;
+        // The direction of a cable of length x turns as its attachment moves past.
+        let response = cable.response_n_m;
+        let second = T::constant(16.0 / 15.0 * shape.second)
+            * (response * response + cable.weight_n_m * cable.weight_n_m)
+            * per_tension
+            + T::constant(10.0) * response * per_room;
+        self.second_n += T::constant(SQRT_2) * second * (way * way)
+            + two * moved.lever_arm * response * moved.attachment_m;
+    }
+
+    /// The certificate, or the contraction where there is none.
+    #[inline]
+    fn certify(
+        &self,
+        inverse_norm: T,
+        newton: &NewtonSize<T>,
+        radius_n: T,
+    ) -> Result<Certificate<T>, T> {
+        let (half, one, two) = (T::constant(0.5), T::one(), T::constant(2.0));
+        let second_n = inverse_norm * self.second_n;
+        let rounding_n = inverse_norm * newton.rounding_n;
+        let rounded = T::constant(INVERSE_ROUNDING) * T::EPSILON * inverse_norm;
+        let eta = newton.bound_n(rounding_n) + second_n;
+        let omega = inverse_norm * self.omega_sq.sqrt();
+        let contraction = inverse_norm * self.by_move_sq.sqrt() + rounded + omega * radius_n;
+        // All of it is false for NaN.
+        let proven = self.is_trusted && eta + eta <= radius_n && contraction <= half;
+        if !proven {
+            return Err(contraction);
+        }
+        let here = omega * (newton.step_n + newton.step_n) + rounded;
+        Ok(Certificate {
+            h: omega * eta,
+            contraction,
+            // |p* - p_1| <= here/(1 - here) |p_1|, with `here` below a half.
+            existence_radius_n: two * (here * newton.step_n + rounding_n + second_n),
+            uniqueness_radius_n: radius_n - newton.step_n * (one + here),
+        })
+    }
+}
+
+/// The sizes from which the ball of a certificate is made, in newtons along the force curves (2-norm).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NewtonSize<T> {
+    /// The Newton step at the new pose.
+    pub(crate) step_n: T,
+    /// The way back to the last solution, with what it may be off.
+    pub(crate) behind_n: T,
+    /// Rounding of the residual, as a wrench.
+    pub(crate) rounding_n: T,
+}
+
+impl<T: Real> NewtonSize<T> {
+    /// Bound on `|A Phi_s(0)|` at both ends of the move: at the start it is `1 + k` times the way back,
+    /// with `k` below a half.
+    #[inline]
+    fn bound_n(&self, rounding_n: T) -> T {
+        (self.step_n + rounding_n).max(self.behind_n * T::constant(1.5))
+    }
+}
+
+/// Rounding of the matrix of tangent wrenches and of its inverse, times the rounding unit and the
+/// norm of the inverse. Elimination with partial pivoting is off by `6 g |M|` with `|M| <= sqrt 12` and
+/// the growth `g` hardly ever above 8: 166; the tangents by 32 units each: `32 sqrt 12`.
+const INVERSE_ROUNDING: f64 = 300.0;
+
+/// The certificate of a Newton step that was made with an inverse of norm `inverse_norm`, or, where
+/// there is none, the contraction that was found. Constant cost.
+///
+/// # Errors
+/// The contraction; it may be small, when a cable leaves its trusted region.
+#[inline]
+pub(crate) fn certify<T: Real>(
+    shape: &CurveShape,
+    cables: &[CableFacts<T>; CABLES],
+    moved: &Move<T>,
+    inverse_norm: T,
+    newton: &NewtonSize<T>,
+) -> Result<Certificate<T>, T> {
+    // Twice the bound, and an eighth for what is of second order.
+    let radius_n = newton.bound_n(inverse_norm * newton.rounding_n) * T::constant(2.25);
+    let mut change = Change::new();
+    for cable in cables {
+        change.add(shape, cable, moved, radius_n);
+    }
+    change.certify(inverse_norm, newton, radius_n)
+}
+
+impl<T: Real> Certificate<T> {
+    /// Where nothing is proven.
+    pub(crate) fn none() -> Self {
+        Self {
+            h: T::HUGE,
+            contraction: T::HUGE,
+            existence_radius_n: T::HUGE,
+            uniqueness_radius_n: T::zero(),
+        }
+    }
+}
+
+impl<T: Real> CableFacts<T> {
+    /// A place for facts, about a cable that holds nothing.
+    pub(crate) fn none() -> Self {
+        let zero = T::zero();
+        Self {
+            weight_n_m: zero,
+            weight_n: zero,
+            tension_n: zero,
+            tensions_n: zero,
+            horizontal_n: zero,
+            horizontal_tangent: zero,
+            x_m: zero,
+            response_n_m: zero,
+            gap_m: zero,
+        }
+    }
+
+    /// What the bounds need of the cable at `state`, the attachment of which moves by `way_m`.
+    #[inline]
+    pub(crate) fn new(
+        shape: &CurveShape,
+        weight_n_m: T,
+        plane: &CablePlane<T>,
+        state: &CableState<T>,
+        curve: &CurvePoint<T>,
+        way_m: T,
+    ) -> Self {
+        let weight_n = weight_n_m * state.rest_length_m;
+        let (force, gap) = (&state.force_n, &curve.gap_m);
+        let (at_attachment, _) = T::hypot_with_excess(force.x, force.y);
+        let (at_anchor, _) = T::hypot_with_excess(force.x, force.y - weight_n);
+        let tensions_n = at_attachment + at_anchor;
+        let distance_m = plane.distance_m();
+        // Beyond these the shape is not known, and no tension is trusted.
+        let hangs = plane.z_m <= T::zero() || weight_n <= T::constant(0.7) * tensions_n;
+        let holds = distance_m <= T::constant(1.1) * state.rest_length_m;
+        let tension_n = if hangs && holds { at_attachment.min(at_anchor) } else { T::zero() };
+        Self {
+            weight_n_m,
+            weight_n,
+            tension_n,
+            tensions_n,
+            horizontal_n: force.x,
+            horizontal_tangent: curve.tangent.x.abs(),
+            x_m: plane.x_m,
+            response_n_m: T::constant(shape.response * RESPONSE_OVER_REGION) * tensions_n
+                / (distance_m - way_m),
+            gap_m: gap.x.abs() + gap.y.abs(),
+        }
+    }
+
+    /// Rounding of what the cable adds to the wrench, in units of `T::EPSILON`, N: of its force, and of
+    /// its end, which is known to a few units of the lengths that it is made of.
+    #[inline]
+    pub(crate) fn rounding_n(&self, lengths_m: T) -> T {
+        T::constant(ROUNDINGS) * (self.tensions_n + self.response_n_m * lengths_m)
+    }
+}
+
+/// Roundings of a term of the wrench, and of the end of a cable: 1.7 units of the length were the most
+/// that was found for the end-point map, coordinates and lever arms are rounded twice, and products of
+/// them with forces three times.
+const ROUNDINGS: f64 = 4.0;
