@@ -65,7 +65,7 @@ impl MotorAngle {
         to_real::<T>(self.0) * T::constant(1.0 / UNITS_PER_RAD)
     }
 
-    /// This angle less `other`; the difference is exact, and `None` when it is not an `Angle`.
+    /// This angle less `other`; exact; `None` beyond 2^31 turns.
     #[must_use]
     pub const fn checked_sub(self, other: Self) -> Option<Self> {
         match self.0.checked_sub(other.0) {
@@ -90,7 +90,7 @@ impl MotorAngle {
     }
 
     /// The nearest whole count, of which there are `per_turn` in a turn: steps of a stepper, or
-    /// lines of an encoder. `None` when it is no `i32`; never wraps.
+    /// lines of an encoder. `None` when it, or the one below, is no `i32`; never wraps.
     #[must_use]
     pub fn counts(self, per_turn: NonZeroU32) -> Option<i32> {
         let half = 1 << 31;
@@ -152,10 +152,14 @@ mod tests {
         }
 
         #[test]
-        fn counts_agree_with_wide_integers(units: i64, per_turn in 1_u32..) {
+        fn counts_agree_with_wide_integers(
+            units in prop_oneof![any::<i64>(), -1_i64 << 50..1 << 50],
+            per_turn in prop_oneof![1_u32.., 1_u32..1 << 14],
+        ) {
             let product = i128::from(units) * i128::from(per_turn);
-            let nearest = i32::try_from((product + (1 << 63 >> 32)) >> 32).ok();
-            // The sum in 64 bits may refuse the last half count below i32::MAX.
+            // Neither the count nor the one below may be out of range.
+            let below = i32::try_from(product >> 32).ok();
+            let nearest = below.and(i32::try_from((product + (1 << 31)) >> 32).ok());
             let found = MotorAngle::from_units(units).counts(NonZeroU32::new(per_turn).unwrap());
             prop_assert_eq!(found, nearest);
         }

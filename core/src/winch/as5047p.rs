@@ -170,6 +170,15 @@ impl<S: SpiDevice> MotorEncoder<S> {
         let turns = MultiTurn::new(sensor.read()?.counts, furthest_counts);
         Ok(Self { sensor, turns, sense })
     }
+
+    /// Counts anew after a jump, with this reading in turn 0: the winch must then be homed.
+    ///
+    /// # Errors
+    /// [`EncoderFault`].
+    pub fn restart(&mut self) -> Result<(), EncoderFault> {
+        self.turns.restart(self.sensor.read()?.counts);
+        Ok(())
+    }
 }
 
 impl<S: SpiDevice> Encoder for MotorEncoder<S> {
@@ -290,6 +299,8 @@ mod tests {
             &reading(16000),
             &reading(100),
             &reading(700),
+            &reading(700),
+            &reading(701),
         ]
         .concat();
         let mut spi = frames(&exchange);
@@ -298,6 +309,8 @@ mod tests {
         let angle = encoder.angle().unwrap();
         assert_eq!(angle, MotorAngle::from_units(-((16384 + 100) << 18)));
         assert_eq!(encoder.angle(), Err(EncoderFault::Jump { counts: 600 }));
+        encoder.restart().unwrap();
+        assert_eq!(encoder.angle(), Ok(MotorAngle::from_units(-(701 << 18))));
         spi.done();
     }
 }

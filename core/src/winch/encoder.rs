@@ -108,10 +108,16 @@ impl<const BITS: u32> MultiTurn<BITS> {
     /// the difference to half a turn guards against a wrong count.
     #[must_use]
     pub fn new(raw: u16, furthest_counts: u16) -> Self {
-        let half_turn = 1 << (BITS - 1);
-        let furthest_counts = furthest_counts.min(half_turn - 1);
-        let counts = i32::from(raw & (half_turn * 2 - 1));
-        Self { counts, furthest_counts, fault: None }
+        let furthest_counts = furthest_counts.min((1 << (BITS - 1)) - 1);
+        let mut turns = Self { counts: 0, furthest_counts, fault: None };
+        turns.restart(raw);
+        turns
+    }
+
+    /// Counts anew from turn 0, at the reading `raw`.
+    pub fn restart(&mut self, raw: u16) {
+        self.counts = i32::from((raw << Self::SHIFT) >> Self::SHIFT);
+        self.fault = None;
     }
 
     /// Takes a reading; the count since turn 0.

@@ -250,6 +250,12 @@ impl<T: Countable, D: Drive<T>, E: Encoder, P: OutputPin> Winch<T, D, E, P> {
         homed.map_err(|cause| self.fault(cause))
     }
 
+    /// The encoder: to count its turns anew after a jump. Only while stopped, and home the winch
+    /// before it moves again.
+    pub fn encoder_mut(&mut self) -> &mut E {
+        &mut self.encoder
+    }
+
     fn halt(&mut self) -> Result<(), Cause<T>> {
         self.measured = None;
         self.held_m = None;
@@ -400,6 +406,10 @@ mod tests {
         assert!((speed + 0.2 * rad_per_m).abs() < 0.02, "{speed}");
         bench.angle.set(angle);
         assert!((winch.measure().unwrap() - 5.001).abs() < 1e-9);
+        // Held after a move, it stays where that led.
+        winch.hold().unwrap();
+        assert!((bench.commanded.get().unwrap().0.rad::<f64>() - angle.rad::<f64>()).abs() < 1e-6);
+        winch.measure().unwrap();
         // Each command needs its own measurement.
         winch.command(5.001, 0.0).unwrap();
         assert_eq!(cause(winch.command(5.001, 0.0)), Cause::NotMeasured);

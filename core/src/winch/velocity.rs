@@ -292,6 +292,43 @@ mod tests {
     }
 
     #[test]
+    fn after_a_failure_nothing_is_taken_for_written() {
+        let failure = MockError::Io(io::ErrorKind::NotConnected);
+        let mut pwm = Pwm::new(
+            &[
+                &[Duty::set_duty_cycle(0)][..],
+                &read_and(500),
+                &[Duty::set_duty_cycle(0)],
+                &[Duty::max_duty_cycle(MOST)], // the direction fails
+                &read_and(500),                // the old direction is written again before
+                &[Duty::set_duty_cycle(0)],
+                &[Duty::set_duty_cycle(0).with_error(failure.clone())],
+                &read_and(0), // standstill is written again before the direction changes
+                &read_and(500),
+            ]
+            .concat(),
+        );
+        let mut direction = Pin::new(&[
+            Set::set(State::High),
+            Set::set(State::Low).with_error(failure),
+            Set::set(State::High),
+            Set::set(State::Low),
+        ]);
+        let mut drive = drive(&pwm, &direction);
+        drive.stop().unwrap();
+        drive.set_speed(50.0).unwrap();
+        drive.stop().unwrap();
+        assert!(drive.set_speed(-50.0).is_err());
+        drive.set_speed(50.0).unwrap();
+        drive.stop().unwrap();
+        assert!(drive.stop().is_err());
+        drive.set_speed(-50.0).unwrap();
+        drive.set_speed(-50.0).unwrap();
+        pwm.done();
+        direction.done();
+    }
+
+    #[test]
     fn settings_that_contradict_themselves_are_refused() {
         let refused = |settings| {
             let (mut pwm, mut direction) = (Pwm::new(&[]), Pin::new(&[]));
