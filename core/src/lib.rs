@@ -71,6 +71,7 @@ mod root;
 pub mod scalar;
 pub mod statics;
 pub mod tracker;
+pub mod winch;
 pub mod wrench;
 
 pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
@@ -83,6 +84,7 @@ pub use line::{LineFault, LineSolution};
 pub use newton::{NewtonStep, StepFault};
 pub use scalar::{Real, Scalar};
 pub use tracker::{CableCommand, CableLimits, Command, SetPoint, Tracker, TrackerSettings, Twist};
+pub use winch::{Winch, WinchFault};
 pub use wrench::{Load, Wrench};
 
 /// Number of cables. Six cables and six equations of equilibrium make the system square.
