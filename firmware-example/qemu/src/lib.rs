@@ -112,3 +112,21 @@ fn print(table: &Table, mut log: impl Read, on_line: &mut impl FnMut(&str)) -> R
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run_here(image: &Path) -> Result<(), Error> {
+        run("mps2-an386", image, Duration::from_mins(1), |line| panic!("{line}"))
+    }
+
+    #[test]
+    fn refuses_what_is_no_image() {
+        let outcome = run_here(Path::new("no/such/image"));
+        assert!(matches!(outcome, Err(Error::Image { .. })), "{outcome:?}");
+        // This program is an ELF file, but it does not log.
+        let outcome = run_here(&std::env::current_exe().unwrap());
+        assert!(matches!(outcome, Err(Error::Table(_))), "{outcome:?}");
+    }
+}

@@ -25,10 +25,10 @@ use nucleo_f446re as chosen;
 
 pub use chosen::{COST_UNIT, exit};
 
-/// Ticks per second.
+/// Interrupts per second.
 const TICK_HZ: u32 = 1_000;
 
-/// Lets `SysTick` interrupt [`TICK_HZ`] times a second.
+/// Lets `SysTick` interrupt 1000 times a second.
 pub fn start_ticking(systick: &mut SYST) {
     systick.set_clock_source(SystClkSource::Core);
     systick.set_reload(chosen::CORE_HZ / TICK_HZ - 1);
