@@ -1,28 +1,200 @@
-//! A firmware image around `cdpr-core`: the warm step of a controller, on a Cortex-M4F in QEMU.
+//! A winch controller around `cdpr-core`: 10 s of it at 1 kHz, in QEMU.
 //!
 //! ```text
-//! cargo firmware
+//! cargo firmware         # Cortex-M4F, f32
+//! cargo firmware-m7      # Cortex-M7, f64
 //! ```
+//!
+//! `SysTick` interrupts 1000 times a second; the control law runs there, on data that nothing else can
+//! reach. What is worth telling goes through a queue without locks to the main loop, which logs it: the
+//! log never delays the law by more than the few instructions in which it writes a frame.
 //!
 //! On any other target this is an empty program.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
-mod board;
-#[cfg(target_os = "none")]
-mod robot;
-#[cfg(target_os = "none")]
-mod warm_step;
+mod image {
+    use core::cell::Cell;
+    use core::sync::atomic::{AtomicU32, Ordering};
 
-#[cfg(target_os = "none")]
-#[cortex_m_rt::entry]
-fn main() -> ! {
-    let outcome = warm_step::run(&board::Counter::start());
-    if let Err(fault) = &outcome {
-        board::print_line!("failed: {fault}");
+    use cdpr_core::{CABLES, Fault};
+    use cdpr_firmware_example::board::{self, Counter};
+    use cdpr_firmware_example::control::{Control, Event, Summary};
+    use cdpr_firmware_example::rehearsal::{Rehearsal, TICKS};
+    use cdpr_firmware_example::{Float, path, stack};
+    use cortex_m::peripheral::SCB;
+    use cortex_m::{Peripherals, singleton};
+    use cortex_m_rt::exception;
+    use critical_section::Mutex;
+    use defmt::{Display2Format, error, info, warn};
+    use heapless::spsc::{Consumer, Producer, Queue};
+
+    /// Reports that may wait for the main loop; more than it ever falls behind.
+    const WAITING: usize = 32;
+
+    /// A report of the rest lengths after so many ticks.
+    const PROGRESS_TICKS: u32 = 1_000;
+
+    /// What is worth telling, with the tick it happened at where the log's own time would be late.
+    #[derive(Clone, Copy)]
+    enum Report {
+        Progress { rest_lengths_m: [Float; CABLES] },
+        Refused { tick: u32, fault: Fault<Float> },
+        Stopped { tick: u32 },
+        Released { tick: u32 },
+        Finished { summary: Summary<Float>, cost: Cost },
     }
-    board::exit(outcome.is_ok())
+
+    /// What the ticks have cost.
+    #[derive(Clone, Copy)]
+    struct Cost {
+        /// All together, in the board's unit.
+        total: u64,
+        /// The dearest.
+        worst: u32,
+        /// Ticks that were not done when the next was due.
+        overruns: u32,
+        /// Reports that found the queue full.
+        dropped: u32,
+    }
+
+    /// All that the interrupt works on.
+    struct Law {
+        rehearsal: Rehearsal<Float>,
+        control: Control<Float>,
+        was_stopped: bool,
+        counter: Counter,
+        cost: Cost,
+        reports: Producer<'static, Report>,
+    }
+
+    /// On its way from `main` to the interrupt.
+    static HANDOVER: Mutex<Cell<Option<&'static mut Law>>> = Mutex::new(Cell::new(None));
+
+    /// Ticks so far: the time of the log.
+    static TICK: AtomicU32 = AtomicU32::new(0);
+
+    defmt::timestamp!("{=u32:ms}", TICK.load(Ordering::Relaxed));
+
+    #[exception]
+    fn SysTick() {
+        static mut LAW: Option<&'static mut Law> = None;
+        if LAW.is_none() {
+            *LAW = critical_section::with(|cs| HANDOVER.borrow(cs).take());
+        }
+        if let Some(law) = LAW {
+            law.tick();
+        }
+    }
+
+    impl Law {
+        fn tick(&mut self) {
+            if self.control.summary().ticks == TICKS {
+                return;
+            }
+            // A real controller reads the button and the fieldbus here.
+            let inputs = self.rehearsal.inputs();
+            let (event, cost) = self.counter.count(|| self.control.tick(&inputs));
+            // A real controller hands self.control.command() to its drives here.
+
+            let tick = self.control.summary().ticks;
+            TICK.store(tick, Ordering::Relaxed);
+            let is_stopped = event == Event::Stopped;
+            if let Event::Refused(fault) = event {
+                self.report(Report::Refused { tick, fault });
+            }
+            if is_stopped != self.was_stopped {
+                self.report(if is_stopped {
+                    Report::Stopped { tick }
+                } else {
+                    Report::Released { tick }
+                });
+            }
+            self.was_stopped = is_stopped;
+            if tick.is_multiple_of(PROGRESS_TICKS) {
+                let command = self.control.command();
+                let rest_lengths_m = command.cables.map(|cable| cable.rest_length_m);
+                self.report(Report::Progress { rest_lengths_m });
+            }
+
+            self.cost.total += u64::from(cost);
+            self.cost.worst = self.cost.worst.max(cost);
+            // The next tick is due already.
+            self.cost.overruns += u32::from(SCB::is_pendst_pending());
+            if tick == TICKS {
+                let (summary, cost) = (*self.control.summary(), self.cost);
+                self.report(Report::Finished { summary, cost });
+            }
+        }
+
+        fn report(&mut self, report: Report) {
+            self.cost.dropped += u32::from(self.reports.enqueue(report).is_err());
+        }
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        stack::paint();
+        let Some((mut peripherals, mut reports)) = start() else { board::exit(false) };
+        info!("stack to start with: {=usize} bytes", stack::deepest_bytes());
+        stack::paint();
+        board::start_ticking(&mut peripherals.SYST);
+        loop {
+            tell(&mut reports);
+            cortex_m::asm::wfi();
+        }
+    }
+
+    /// Hands the control law to the interrupt, which is not enabled yet. In a frame of its own, as it
+    /// takes more stack than all that follows.
+    #[inline(never)]
+    fn start() -> Option<(Peripherals, Consumer<'static, Report>)> {
+        let peripherals = Peripherals::take()?;
+        let control = Control::start(path::TAUT)
+            .inspect_err(|fault| error!("no start: {}", Display2Format(fault)))
+            .ok()?;
+        let (reports, to_tell) = singleton!(: Queue<Report, WAITING> = Queue::new())?.split();
+        let law = singleton!(: Law = Law {
+            rehearsal: Rehearsal::new(path::TAUT),
+            control,
+            was_stopped: false,
+            counter: Counter::start(),
+            cost: Cost { total: 0, worst: 0, overruns: 0, dropped: 0 },
+            reports,
+        })?;
+        critical_section::with(|cs| HANDOVER.borrow(cs).set(Some(law)));
+        Some((peripherals, to_tell))
+    }
+
+    /// Logs what has come; ends the run after the last.
+    fn tell(reports: &mut Consumer<'static, Report>) {
+        while let Some(report) = reports.dequeue() {
+            match report {
+                Report::Progress { rest_lengths_m } => info!("rest lengths, m: {}", rest_lengths_m),
+                Report::Refused { tick, fault } => {
+                    warn!("tick {=u32} refused: {}", tick, Display2Format(&fault));
+                }
+                Report::Stopped { tick } => warn!("tick {=u32}: emergency stop", tick),
+                Report::Released { tick } => info!("tick {=u32}: released", tick),
+                Report::Finished { summary, cost } => {
+                    let mean = cost.total / u64::from(summary.ticks);
+                    info!("ticks: {=u32}", summary.ticks);
+                    info!("certified: {=u32}", summary.certified);
+                    info!("faults: {=u32}", summary.faults);
+                    info!("stopped: {=u32}", summary.stopped);
+                    info!("largest closure: {} m", summary.largest_closure_m);
+                    info!("worst tick: {=u32} {=str}", cost.worst, board::COST_UNIT);
+                    info!("mean tick: {=u64} {=str}", mean, board::COST_UNIT);
+                    info!("overruns: {=u32}", cost.overruns);
+                    info!("reports dropped: {=u32}", cost.dropped);
+                    info!("stack: {=usize} bytes", stack::deepest_bytes());
+                    info!("checksum: {=u64:#018x}", summary.checksum.value());
+                    board::exit(cost.overruns == 0 && cost.dropped == 0);
+                }
+            }
+        }
+    }
 }
 
 #[cfg(not(target_os = "none"))]

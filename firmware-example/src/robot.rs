@@ -1,10 +1,18 @@
-//! The robot as this firmware knows it: MARIONET-CRANE, in f32.
+//! The robot as this firmware knows it: MARIONET-CRANE.
 
-use cdpr_core::{CABLES, Cable, CableState, GeometryFault, IrvineCatenary, Load, Robot};
+use cdpr_core::{
+    CABLES, Cable, CableLimits, CableState, GeometryFault, IrvineCatenary, Load, Real, Robot,
+    TrackerSettings,
+};
 use nalgebra::{Vector2, Vector3};
 
+use crate::path::PERIOD_S;
+
+/// The model of all cables.
+pub type Model<T> = IrvineCatenary<T>;
+
 /// Anchors `A1..A6`, world frame, m.
-const ANCHORS_M: [[f32; 3]; CABLES] = [
+const ANCHORS_M: [[f64; 3]; CABLES] = [
     [-3.259, -0.475, 8.826],
     [9.421, -3.482, 11.555],
     [9.538, 3.797, 11.533],
@@ -14,7 +22,7 @@ const ANCHORS_M: [[f32; 3]; CABLES] = [
 ];
 
 /// Attachments `b1..b6`, platform frame, m.
-const ATTACHMENTS_M: [[f32; 3]; CABLES] = [
+const ATTACHMENTS_M: [[f64; 3]; CABLES] = [
     [-0.10, -0.93, -0.03],
     [0.10, -0.93, -0.03],
     [0.27, 0.50, -0.07],
@@ -23,63 +31,134 @@ const ATTACHMENTS_M: [[f32; 3]; CABLES] = [
     [-0.27, 0.50, -0.07],
 ];
 
-const GRAVITY_M_S2: f32 = 9.81;
+const GRAVITY_M_S2: f64 = 9.81;
 
-/// Cable of 0.079 kg/m, 4 mm thick, modulus 1e11 Pa: `EA = pi (2 mm)^2 E`.
-const CABLE: IrvineCatenary<f32> =
-    IrvineCatenary { weight_n_m: 0.079 * GRAVITY_M_S2, compliance_per_n: 1.0 / 1.256_637_1e6 };
+/// Cable of 0.079 kg/m.
+const WEIGHT_N_M: f64 = 0.079 * GRAVITY_M_S2;
 
-/// Platform and payload, centred on the platform origin.
-pub(crate) const LOAD: Load<f32> = Load {
+/// 4 mm thick, modulus 1e11 Pa: `EA = pi (2 mm)^2 E`.
+const COMPLIANCE_PER_N: f64 = 1.0 / 1.256_637_061_435_917_2e6;
+
+/// Where every path starts, m; the platform is level there.
+const START_POSITION_M: [f64; 3] = [2.0, 7.0, 2.5];
+
+/// What the platform carries, and how the cables then hang at the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Payload {
+    /// Mass of platform and payload, kg, centred on the platform origin.
+    mass_kg: f64,
+    /// Rest length (m), Fx and Fz (N) of each cable at the start: the one solution there with rest
+    /// lengths up to 60 m, as `cdpr enumerate --position 2,7,2.5 --max-length 60` proves.
+    start: [[f64; 3]; CABLES],
+}
+
+/// The payload of the paper's robot.
+pub const LOADED: Payload = Payload {
     mass_kg: 69.0,
-    center_of_mass_m: Vector3::new(0.0, 0.0, 0.0),
-    gravity_m_s2: GRAVITY_M_S2,
-    force_n: Vector3::new(0.0, 0.0, 0.0),
-    moment_nm: Vector3::new(0.0, 0.0, 0.0),
+    start: [
+        [10.479_832, 155.414_69, -114.487_35],
+        [15.077_343, 179.357_76, -129.583_59],
+        [12.221_567, 131.308_53, -141.830_1],
+        [14.731_523, 166.606_8, -72.739_22],
+        [11.970_178, 129.781_62, -74.298_386],
+        [8.355_886, 125.545_906, -143.951_37],
+    ],
 };
 
-/// Where the platform hangs, level, at [`START`], m.
-pub(crate) const START_POSITION_M: Vector3<f32> = Vector3::new(2.0, 7.0, 2.5);
+/// A bare platform, lighter than its cables.
+pub const EMPTY: Payload = Payload {
+    mass_kg: 5.0,
+    start: [
+        [10.515_526, 18.232_08, -9.975_572],
+        [15.187_233, 17.957_001, -7.973_967],
+        [12.270_071, 13.874_217, -10.995_676],
+        [14.840_387, 22.224_729, -4.898_337],
+        [12.262_932, 8.903_332, -1.014_676],
+        [8.368_752, 14.772_827, -14.191_771],
+    ],
+};
 
-/// 1 mm along x from there, m.
-pub(crate) const NEXT_POSITION_M: Vector3<f32> = Vector3::new(2.001, 7.0, 2.5);
+/// What the winches can do.
+const LIMITS: CableLimits<f64> = CableLimits {
+    shortest_m: 1.0,
+    longest_m: 50.0,
+    fastest_m_s: 3.0,
+    lowest_tension_n: 1.0,
+    highest_tension_n: 2000.0,
+};
 
-// Both solutions were made on a host: cdpr_core::newton::converge in f64 to a relative change of
-// 1e-13 from 20000 random starts (rest lengths longer than the chord by 1e-5 to 1, forces of the
-// single cables). All that ended with every cable pulling the platform towards its winch ended here.
+/// Largest move at a tick, m: four times that of the fastest path, so that a few lost set-points do no
+/// harm.
+const LARGEST_MOVE_M: f64 = 4e-3;
 
-/// Rest lengths and forces at [`START_POSITION_M`].
-pub(crate) const START: [CableState<f32>; CABLES] = [
-    state(10.479_832, 155.414_69, -114.487_35),
-    state(15.077_343, 179.357_76, -129.583_59),
-    state(12.221_567, 131.308_53, -141.830_1),
-    state(14.731_523, 166.606_8, -72.739_22),
-    state(11.970_178, 129.781_62, -74.298_386),
-    state(8.355_886, 125.545_906, -143.951_37),
-];
+/// Least distance to a singularity.
+const LEAST_DISTANCE: f64 = 1e-3;
 
-/// Rest lengths and forces at [`NEXT_POSITION_M`].
-pub(crate) const NEXT: [CableState<f32>; CABLES] = [
-    state(10.480_325, 155.348_16, -114.427_63),
-    state(15.076_856, 179.427_61, -129.643_36),
-    state(12.220_972, 131.332_72, -141.873_3),
-    state(14.731_303, 166.474_52, -72.678_51),
-    state(11.970_526, 129.977_66, -74.414_21),
-    state(8.356_494, 125.483_82, -143.853),
-];
-
-const fn state(rest_length_m: f32, fx_n: f32, fz_n: f32) -> CableState<f32> {
-    CableState { force_n: Vector2::new(fx_n, fz_n), rest_length_m }
-}
+/// A fold nearer than this is refused, s: the time the winches need to stop.
+const FOLD_HORIZON_S: f64 = 0.2;
 
 /// The robot.
 ///
 /// # Errors
-/// [`GeometryFault`], were the constants above wrong.
-pub(crate) fn crane() -> Result<Robot<f32, IrvineCatenary<f32>>, GeometryFault> {
+/// [`GeometryFault`], were the constants of this file wrong.
+pub fn crane<T: Real>() -> Result<Robot<T, Model<T>>, GeometryFault> {
+    let model = IrvineCatenary {
+        weight_n_m: T::constant(WEIGHT_N_M),
+        compliance_per_n: T::constant(COMPLIANCE_PER_N),
+    };
     Robot::new(core::array::from_fn(|i| Cable {
-        anchor_m: ANCHORS_M[i].into(),
-        attachment_m: ATTACHMENTS_M[i].into(),
-        model: CABLE,
+        anchor_m: vector(ANCHORS_M[i]),
+        attachment_m: vector(ATTACHMENTS_M[i]),
+        model,
     }))
+}
+
+/// What it carries.
+#[must_use]
+pub fn load<T: Real>(payload: &Payload) -> Load<T> {
+    Load {
+        mass_kg: T::constant(payload.mass_kg),
+        center_of_mass_m: vector([0.0; 3]),
+        gravity_m_s2: T::constant(GRAVITY_M_S2),
+        force_n: vector([0.0; 3]),
+        moment_nm: vector([0.0; 3]),
+    }
+}
+
+/// Rate and limits.
+#[must_use]
+pub fn settings<T: Real>() -> TrackerSettings<T> {
+    let c = T::constant;
+    TrackerSettings {
+        period_s: c(PERIOD_S),
+        largest_move_m: c(LARGEST_MOVE_M),
+        least_distance: c(LEAST_DISTANCE),
+        fold_horizon_s: c(FOLD_HORIZON_S),
+        cables: [CableLimits {
+            shortest_m: c(LIMITS.shortest_m),
+            longest_m: c(LIMITS.longest_m),
+            fastest_m_s: c(LIMITS.fastest_m_s),
+            lowest_tension_n: c(LIMITS.lowest_tension_n),
+            highest_tension_n: c(LIMITS.highest_tension_n),
+        }; CABLES],
+    }
+}
+
+/// Where every path starts, m.
+#[must_use]
+pub fn start_position_m<T: Real>() -> Vector3<T> {
+    vector(START_POSITION_M)
+}
+
+/// Forces and rest lengths there.
+#[must_use]
+pub fn start_states<T: Real>(payload: &Payload) -> [CableState<T>; CABLES] {
+    payload.start.map(|[rest_length_m, fx_n, fz_n]| CableState {
+        force_n: Vector2::new(T::constant(fx_n), T::constant(fz_n)),
+        rest_length_m: T::constant(rest_length_m),
+    })
+}
+
+fn vector<T: Real>(coordinates: [f64; 3]) -> Vector3<T> {
+    Vector3::from(coordinates.map(T::constant))
 }

@@ -23,8 +23,9 @@ mod image {
     use cdpr_core::newton::converge;
     use cdpr_core::statics::Balance;
     use cdpr_core::{
-        CABLES, Cable, CableModel, CablePlane, CableState, CurvePoint, Elimination, IrvineCatenary,
-        LinearElastic, Load, NewtonStep, NonDeformable, Parabola, Pose, Real, Robot,
+        CABLES, Cable, CableLimits, CableModel, CablePlane, CableState, CurvePoint, Elimination,
+        Fault, IrvineCatenary, LinearElastic, Load, NewtonStep, NonDeformable, Parabola, Pose,
+        Real, Robot, SetPoint, Tracker, TrackerSettings, Twist,
     };
     use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
 
@@ -42,6 +43,8 @@ mod image {
     fn main() -> ! {
         surface::<f32>();
         surface::<f64>();
+        // Hidden from the compiler, this can be any fault.
+        show::<(), _>(Err(Fault::<Unprinted>::NonFiniteSetPoint));
         loop {
             cortex_m::asm::wfi();
         }
@@ -128,6 +131,46 @@ mod image {
             black_box((step.condition(), step.is_positive()));
         }
         let _ = black_box(converge(robot, &balance, &states, number(), black_box(20)));
+        tracker(robot, load, pose);
+    }
+
+    fn tracker<T: Real, M: CableModel<T>>(robot: &Robot<T, M>, load: Load<T>, pose: Pose<T>) {
+        let limits = CableLimits {
+            shortest_m: number(),
+            longest_m: number(),
+            fastest_m_s: number(),
+            lowest_tension_n: number(),
+            highest_tension_n: number(),
+        };
+        let settings = TrackerSettings {
+            period_s: number(),
+            largest_move_m: number(),
+            least_distance: number(),
+            fold_horizon_s: number(),
+            cables: black_box([limits; CABLES]),
+        };
+        let twist = Twist { linear_m_s: vector3(), angular_rad_s: vector3() };
+        let set_point = black_box(SetPoint { pose, twist });
+        let states = black_box([(); CABLES].map(|()| state()));
+        let started = Tracker::start(*black_box(robot), load, settings, &set_point, &states);
+        let Some(tracker) = told(started) else { return };
+        let mut tracker = black_box(tracker);
+        let _ = told(tracker.tick(&black_box(set_point)).copied());
+        black_box((tracker.command(), tracker.settings()));
+    }
+
+    fn told<T: Real, R>(outcome: Result<R, Fault<T>>) -> Option<R> {
+        black_box(outcome).map_err(|fault| black_box(fault.remedy())).ok()
+    }
+
+    /// A number that is not printed: the formatting of floats in Rust's own `core` has assertions, which
+    /// the optimizer cannot remove. All else of a fault is formatted.
+    struct Unprinted;
+
+    impl Display for Unprinted {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str(black_box("number"))
+        }
     }
 
     fn elimination<T: Real>() {

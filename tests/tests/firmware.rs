@@ -1,0 +1,263 @@
+//! The firmware images, run in QEMU: they do what the same sources do on the host, bit for bit, and stay
+//! within their budgets of instructions, stack and memory.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use cdpr_core::statics::Balance;
+use cdpr_core::{CABLES, NewtonStep, Real};
+use cdpr_firmware_example::control::{Control, Summary, start_tracker};
+use cdpr_firmware_example::path::{Course, PERIOD_S, Path, SLACK, TAUT, TICKS_AROUND};
+use cdpr_firmware_example::plain_step::plain_step;
+use cdpr_firmware_example::rehearsal::{PRESSED_AT, RELEASED_AT, Rehearsal, TICKS};
+use cdpr_firmware_example::{Number, robot};
+use object::{Object, ObjectSection};
+
+/// A machine: the aliases of `.cargo/config.toml` for it, and how else an image is built for it.
+struct Machine {
+    firmware: &'static str,
+    measure: &'static str,
+    build: &'static [&'static str],
+    budget: Budget,
+}
+
+/// What following a branch may take.
+struct Budget {
+    /// Instructions of a tick, on the most expensive one.
+    tick_instructions: u64,
+    /// Stack of a tick, bytes.
+    tick_stack_bytes: u64,
+    /// Code and constants of tracker, models, linear algebra and float functions, bytes.
+    code_bytes: u64,
+    /// A tracker, bytes.
+    ram_bytes: u64,
+}
+
+/// Cortex-M4F, f32.
+const M4F: Machine = Machine {
+    firmware: "firmware",
+    measure: "measure",
+    build: &["--release"],
+    budget: Budget {
+        tick_instructions: 9_500,
+        tick_stack_bytes: 3 * 1024,
+        code_bytes: 24 * 1024,
+        ram_bytes: 2 * 1024,
+    },
+};
+
+/// Cortex-M7, f64.
+const M7: Machine = Machine {
+    firmware: "firmware-m7",
+    measure: "measure-m7",
+    build: &[
+        "--profile=m7",
+        "--features=f64",
+        "--config=target.thumbv7em-none-eabihf.rustflags=['-Ctarget-cpu=cortex-m7']",
+    ],
+    budget: Budget {
+        tick_instructions: 11_500,
+        tick_stack_bytes: 5 * 1024,
+        code_bytes: 24 * 1024,
+        ram_bytes: 2 * 1024,
+    },
+};
+
+/// The plain way takes at least so many times the instructions of the condensed step.
+const PLAIN_FACTOR: u64 = 3;
+
+#[test]
+fn cortex_m4f_commands_the_bits_of_the_host_in_f32() {
+    rehearse::<f32>(&M4F);
+}
+
+#[test]
+fn cortex_m7_commands_the_bits_of_the_host_in_f64() {
+    rehearse::<f64>(&M7);
+}
+
+#[test]
+fn cortex_m4f_stays_within_its_budget() {
+    measure(&M4F);
+}
+
+#[test]
+fn cortex_m7_stays_within_its_budget() {
+    measure(&M7);
+}
+
+/// The image of the controller, against the same rehearsal here.
+fn rehearse<T: Number>(machine: &Machine) {
+    let summary = on_the_host::<T>();
+    assert_eq!(summary.ticks, TICKS);
+    assert_eq!((summary.faults, summary.stopped), (1, RELEASED_AT - PRESSED_AT));
+    assert_eq!(summary.certified, TICKS - summary.faults - summary.stopped);
+
+    let log = log(machine.firmware);
+    assert!(log.contains("the pose is not finite"), "{log}");
+    assert!(log.contains("emergency stop"), "{log}");
+    for (name, expected) in [
+        ("ticks:", summary.ticks),
+        ("certified:", summary.certified),
+        ("faults:", summary.faults),
+        ("stopped:", summary.stopped),
+        ("overruns:", 0),
+    ] {
+        assert_eq!(number(&log, name), u64::from(expected), "{name}\n{log}");
+    }
+    let checksum = format!("checksum: {:#018x}", summary.checksum.value());
+    assert!(log.contains(&checksum), "the host says {checksum}\n{log}");
+}
+
+fn on_the_host<T: Number>() -> Summary<T> {
+    let mut control = Control::<T>::start(TAUT).unwrap();
+    let mut rehearsal = Rehearsal::new(TAUT);
+    for _ in 0..TICKS {
+        control.tick(&rehearsal.inputs());
+    }
+    *control.summary()
+}
+
+/// Every budget of a machine, with what is left of it in the message.
+fn measure(machine: &Machine) {
+    let log = log(machine.measure);
+    let budget = &machine.budget;
+    let code_bytes = image_bytes(machine, "size_tracker") - image_bytes(machine, "size_empty");
+    println!("{log}tracker: {code_bytes} bytes of code and constants"); // shown by --nocapture
+    for path in ["taut path", "slack path"] {
+        let instructions = number(&log, &format!("{path}: worst tick:"));
+        within(instructions, budget.tick_instructions, path);
+        within(number(&log, &format!("{path}: stack of a tick:")), budget.tick_stack_bytes, path);
+    }
+    within(number(&log, "tracker:"), budget.ram_bytes, "bytes of RAM");
+    within(code_bytes, budget.code_bytes, "bytes of code");
+    let (condensed, plain) = (number(&log, "condensed step:"), number(&log, "plain step:"));
+    assert!(plain >= PLAIN_FACTOR * condensed, "plain: {plain}, condensed: {condensed}");
+}
+
+/// Within the budget, but for more than nothing.
+fn within(found: u64, budget: u64, what: &str) {
+    assert!((1..=budget).contains(&found), "{what}: {found}, of {budget}");
+}
+
+#[test]
+fn courses_are_what_they_are_called() {
+    let mut slack_ticks = 0;
+    for (course, may_be_slack) in [(TAUT, false), (SLACK, true)] {
+        let mut tracker = start_tracker::<f64>(course).unwrap();
+        let mut path = Path::new(course);
+        let start_m = path.target().position_m;
+        let limits = tracker.settings().cables;
+        let mut last_m = tracker.command().cables.map(|cable| cable.rest_length_m);
+        for tick in 0..TICKS_AROUND {
+            path.advance();
+            let target = path.target();
+            let command = *tracker.tick(&target.set_point().unwrap()).unwrap();
+            for (i, cable) in command.cables.iter().enumerate() {
+                assert!(may_be_slack || !cable.is_slack, "tick {tick}, cable {i}");
+                let speed_m_s = (cable.rest_length_m - last_m[i]).abs() / PERIOD_S;
+                assert!(speed_m_s <= limits[i].fastest_m_s, "tick {tick}, cable {i}: {speed_m_s}");
+                assert!(cable.anchor_force_n.norm() >= limits[i].lowest_tension_n);
+                assert!(cable.rest_length_m <= limits[i].longest_m);
+                last_m[i] = cable.rest_length_m;
+            }
+            slack_ticks += u32::from(command.cables.iter().any(|cable| cable.is_slack));
+        }
+        // Closed to what the constants of the rotation and 9500 products are rounded to.
+        assert!((path.target().position_m - start_m).norm() < 1e-11);
+    }
+    assert!(slack_ticks > TICKS_AROUND / 5, "{slack_ticks}");
+}
+
+/// The twist of the path is its derivative: central differences at a hundred places. Their error is
+/// `h^2/6` of the third derivative, at most 1e-6 of the speed, and rounding of 1e-16/h.
+#[test]
+fn twist_is_the_rate_of_the_path() {
+    let mut path = Path::<f64>::new(TAUT);
+    for _ in 0..100 {
+        let before = path.target();
+        path.advance();
+        let now = path.target();
+        path.advance();
+        let after = path.target();
+        let linear_m_s = (after.position_m - before.position_m) / (2.0 * PERIOD_S);
+        assert!((linear_m_s - now.twist.linear_m_s).norm() < 1e-6);
+        let turn = before.orientation.inverse() * after.orientation;
+        let angular_rad_s = turn.scaled_axis() / (2.0 * PERIOD_S);
+        assert!((angular_rad_s - now.twist.angular_rad_s).norm() < 1e-6);
+        for _ in 2..TICKS_AROUND / 100 {
+            path.advance();
+        }
+    }
+}
+
+/// Both ways of taking a Newton step lead to the same forces and rest lengths, to rounding times the
+/// condition (60): otherwise their costs could not be compared.
+#[test]
+fn plain_step_is_the_condensed_step() {
+    for course in [TAUT, SLACK] {
+        let (robot, load) = (robot::crane::<f64>().unwrap(), robot::load(&course.payload));
+        let states = robot::start_states(&course.payload);
+        let pose = moved(course);
+        let balance = Balance::at(&robot, &load, &pose).unwrap();
+        let condensed = NewtonStep::new(&robot, &balance, &states).unwrap().states;
+        let plain = plain_step(&robot, &balance, &states).unwrap();
+        for i in 0..CABLES {
+            let force_n = condensed[i].force_n;
+            assert!((plain[i].force_n - force_n).norm() < 1e-11 * force_n.norm());
+            assert!((plain[i].rest_length_m / condensed[i].rest_length_m - 1.0).abs() < 1e-12);
+            assert!((force_n - states[i].force_n).norm() > 1e-3 * force_n.norm(), "no step");
+        }
+    }
+}
+
+/// A pose some centimetres along `course`.
+fn moved<T: Real>(course: Course) -> cdpr_core::Pose<T> {
+    let mut path = Path::new(course);
+    (0..50).for_each(|_| path.advance());
+    path.target().set_point().unwrap().pose
+}
+
+/// What an alias of `.cargo/config.toml` prints, which is what a user sees.
+fn log(alias: &str) -> String {
+    let Output { status, stdout, stderr } = cargo(&[alias]);
+    let (log, errors) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
+    assert!(status.success(), "cargo {alias}: {status}\n{log}{errors}");
+    log.into_owned()
+}
+
+/// The number behind `name` in the log.
+fn number(log: &str, name: &str) -> u64 {
+    let (_, rest) = log.split_once(&format!(" {name} ")).unwrap_or_else(|| panic!("{name}\n{log}"));
+    let digits = rest.split_whitespace().next().unwrap();
+    digits.parse().unwrap_or_else(|error| panic!("{name} {digits}: {error}"))
+}
+
+/// Code and constants of an image without log.
+fn image_bytes(machine: &Machine, bin: &str) -> u64 {
+    let mut arguments = vec!["build", "--package=cdpr-firmware-example", "--bin", bin];
+    arguments.extend(["--target=thumbv7em-none-eabihf", "--message-format=json"]);
+    arguments.extend(machine.build);
+    let Output { status, stdout, stderr } = cargo(&arguments);
+    assert!(status.success(), "{bin}: {}", String::from_utf8_lossy(&stderr));
+    let path: PathBuf = String::from_utf8_lossy(&stdout)
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
+        .find_map(|message| message["executable"].as_str().map(PathBuf::from))
+        .expect("no image was built");
+    let elf = std::fs::read(path).unwrap();
+    let elf = object::File::parse(&*elf).unwrap();
+    [".vector_table", ".text", ".rodata", ".data"]
+        .iter()
+        .map(|name| elf.section_by_name(name).map_or(0, |section| section.size()))
+        .sum()
+}
+
+/// Runs cargo at the root of the workspace, where `.cargo/config.toml` is found.
+fn cargo(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO"))
+        .args(arguments)
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+        .output()
+        .unwrap()
+}
