@@ -60,6 +60,7 @@
 #![warn(clippy::std_instead_of_core, clippy::std_instead_of_alloc, clippy::alloc_instead_of_core)]
 
 pub mod cable;
+pub mod controller;
 pub mod elimination;
 pub mod fault;
 pub mod force_curve;
