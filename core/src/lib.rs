@@ -74,6 +74,7 @@ pub mod tracker;
 pub mod wrench;
 
 pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
+pub use controller::Controller;
 pub use elimination::Elimination;
 pub use fault::{Fault, Remedy};
 pub use force_curve::{CableState, CurvePoint};

@@ -1,4 +1,4 @@
-//! What a winch controller does around the [`Tracker`](crate::Tracker): states, motions, faults.
+//! What a winch controller does around the [`Tracker`]: states, motions, faults.
 //!
 //! Pure logic: no pins, no bus, no clock. The caller calls [`Controller::tick`] once a period with
 //! what the winches report, and applies what it returns; a simulation drives the very same code.
@@ -79,7 +79,7 @@ pub struct Controller<T: Real, M, const EVENTS: usize> {
     /// Of the last outputs, m. Meaningless while disarmed.
     commanded_m: [T; CABLES],
     brakes: Brakes,
-    /// Since the last way-point.
+    /// For how long a way-point has been wanted and none has come.
     age_ticks: u32,
     tick: u32,
     events: Events<T, EVENTS>,
@@ -323,7 +323,6 @@ impl<T: Real, M: CableModel<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
         next_way_point: impl FnOnce() -> Option<WayPoint<T>>,
     ) -> Outputs<T> {
         self.tick = self.tick.wrapping_add(1);
-        self.age_ticks = self.age_ticks.saturating_add(1);
         if let Some(cause) = self.trouble(readings) {
             self.fail(cause);
         }
@@ -369,11 +368,15 @@ impl<T: Real, M: CableModel<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
             _ if self.is_flushing => false,
             (Mode::Holding { .. }, None) if !self.is_halted => true,
             (Mode::Holding { .. } | Mode::Tracking, Some(path)) if path.has_room() => true,
-            (Mode::Holding { .. } | Mode::Tracking, _) => return, // it waits in the queue
+            (Mode::Holding { .. } | Mode::Tracking, _) => {
+                self.age_ticks = 0;
+                return; // it waits in the queue
+            }
             _ => false,
         };
         let Some(way_point) = next() else {
             self.is_flushing = false;
+            self.age_ticks = self.age_ticks.saturating_add(1);
             return;
         };
         if !is_wanted {
@@ -388,7 +391,10 @@ impl<T: Real, M: CableModel<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
         };
         match outcome {
             Ok(()) => self.age_ticks = 0,
-            Err(fault) => self.record(EventKind::Refused(fault)),
+            Err(fault) => {
+                self.age_ticks = self.age_ticks.saturating_add(1); // as if none had come
+                self.record(EventKind::Refused(fault));
+            }
         }
     }
 

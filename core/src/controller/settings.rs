@@ -12,7 +12,8 @@ pub struct ControllerSettings<T> {
     /// Within how many ticks a motion is slowed to rest along its path, 1 to 2^16. Should take no
     /// longer than `fold_horizon_s` of the tracker: then no fold is reached.
     pub halt_ticks: u32,
-    /// How long a moving platform goes on without a new way-point; `None`: to its last.
+    /// How long the platform moves on while there is room for a way-point behind the motion under way
+    /// and none comes, for streams; `None`: to the last.
     pub stream_ticks: Option<u32>,
     /// Speed of the winches when aligning, m/s; slower ones go at their own.
     pub align_speed_m_s: T,
