@@ -189,7 +189,8 @@ impl<T: Real> Path<T> {
     }
 
     fn after(&self, rate: u32, clock: &Clock<T>) -> i64 {
-        self.elapsed + (i64::from(rate) << TICK) / i64::from(clock.halt_ticks)
+        // Never zero, but only the settings know.
+        self.elapsed + (i64::from(rate) << TICK) / i64::from(clock.halt_ticks.max(1))
     }
 
     fn end(&self) -> i64 {
