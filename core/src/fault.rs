@@ -4,6 +4,7 @@ use crate::{GeometryFault, Real, StepFault};
 
 /// Why a tick gives no new command. The last certified command stands. Cables are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault<T> {
     /// A number of the set-point is infinite or NaN. Mend the source; the next good one is taken.
@@ -80,6 +81,7 @@ pub enum Fault<T> {
 
 /// What is to be done after a [`Fault`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Remedy {
     /// Stand still; a sound set-point near the last pose is taken as if nothing had been.
     MendSetPoint,

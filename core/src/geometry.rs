@@ -27,6 +27,7 @@ pub struct Robot<T: Scalar, M> {
 
 /// Why a geometry or a pose is refused. Cables are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum GeometryFault {
     /// A coordinate of this cable is infinite or NaN.

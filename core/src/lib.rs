@@ -61,6 +61,7 @@
 
 pub mod cable;
 pub mod certificate;
+pub mod controller;
 pub mod elimination;
 pub mod fault;
 pub mod force_curve;
@@ -76,6 +77,7 @@ pub mod wrench;
 
 pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
 pub use certificate::{Certificate, CurveShape, ShapedCable};
+pub use controller::Controller;
 pub use elimination::Elimination;
 pub use fault::{Fault, Remedy};
 pub use force_curve::{CableState, CurvePoint};

@@ -21,6 +21,7 @@ pub struct LineSolution<T: Scalar> {
 
 /// Why a single cable has no force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LineFault {
     /// A number is infinite or NaN, the distance negative, or the rest length not positive.

@@ -17,6 +17,7 @@ use crate::{CABLES, CableModel, CableState, CurvePoint, Real, Robot, Scalar};
 
 /// Why a Newton step was not taken. Cables are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StepFault {
     /// The tension of this cable vanishes somewhere, or a number is not finite: no tangent.
@@ -162,6 +163,7 @@ pub struct Convergence<T: Scalar> {
 
 /// Why Newton's method ended without a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConvergenceFault<T> {
     /// A step could not be taken.

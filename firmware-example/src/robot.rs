@@ -97,6 +97,9 @@ const LEAST_DISTANCE: f64 = 1e-3;
 /// A fold nearer than this is refused, s: the time the winches need to stop.
 const FOLD_HORIZON_S: f64 = 0.2;
 
+/// Largest distance from the true solution, N: above what rounding in f32 leaves.
+const LARGEST_ERROR_N: f64 = 1.0;
+
 /// The robot.
 ///
 /// # Errors
@@ -134,6 +137,7 @@ pub fn settings<T: Real>() -> TrackerSettings<T> {
         largest_move_m: c(LARGEST_MOVE_M),
         least_distance: c(LEAST_DISTANCE),
         fold_horizon_s: c(FOLD_HORIZON_S),
+        largest_error_n: c(LARGEST_ERROR_N),
         cables: [CableLimits {
             shortest_m: c(LIMITS.shortest_m),
             longest_m: c(LIMITS.longest_m),

@@ -147,6 +147,7 @@ mod image {
             largest_move_m: number(),
             least_distance: number(),
             fold_horizon_s: number(),
+            largest_error_n: number(),
             cables: black_box([limits; CABLES]),
         };
         let twist = Twist { linear_m_s: vector3(), angular_rad_s: vector3() };

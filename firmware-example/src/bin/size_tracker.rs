@@ -53,6 +53,7 @@ mod image {
             largest_move_m: number(),
             least_distance: number(),
             fold_horizon_s: number(),
+            largest_error_n: number(),
             cables: [limits; CABLES],
         };
         let model = IrvineCatenary { weight_n_m: number(), compliance_per_n: number() };
