@@ -125,6 +125,8 @@ pub(crate) struct CableFacts<T> {
     pub(crate) tension_n: T,
     /// Sum of the end tensions, N.
     pub(crate) tensions_n: T,
+    /// Tension at the attachment, N.
+    tension_b_n: T,
     /// Horizontal force, N.
     pub(crate) horizontal_n: T,
     /// Horizontal part of the unit tangent, without sign.
@@ -148,8 +150,10 @@ struct Change<T> {
     omega_sq: T,
     /// Square of its change by the move.
     by_move_sq: T,
-    /// Change of the wrench of second order, N.
+    /// Change of the wrench of second order over the move, N.
     second_n: T,
+    /// And by the way back to the curves, N.
+    gap_n: T,
     /// Whether all cables stay within their trusted regions.
     is_trusted: bool,
 }
@@ -157,7 +161,7 @@ struct Change<T> {
 impl<T: Real> Change<T> {
     #[inline]
     fn new() -> Self {
-        Self { omega_sq: T::zero(), by_move_sq: T::zero(), second_n: T::zero(), is_trusted: true }
+        Self { omega_sq: T::zero(), by_move_sq: T::zero(), second_n: T::zero(), gap_n: T::zero(), is_trusted: true }
     }
 
     /// Adds a cable whose coordinate stays within `radius_n`.
@@ -168,7 +172,7 @@ impl<T: Real> Change<T> {
         let per_tension = T::one() / cable.tension_n;
         // Both end forces stay within this of their places.
         let reach =
-            T::constant(1.5) * radius_n + two * (cable.response_n_m + cable.weight_n_m) * way;
+            T::constant(1.6) * radius_n + two * (cable.response_n_m + cable.weight_n_m) * way;
         let room_m = cable.x_m - moved.attachment_m;
         self.is_trusted = self.is_trusted
             && reach <= T::constant(1.0 / 16.0) * cable.tension_n
@@ -193,8 +197,10 @@ impl<T: Real> Change<T> {
             * (response * response + cable.weight_n_m * cable.weight_n_m)
             * per_tension
             + T::constant(10.0) * response * per_room;
-        self.second_n += T::constant(SQRT_2) * second * (way * way)
-            + two * moved.lever_arm * response * moved.attachment_m;
+        let moved_m = moved.attachment_m;
+        self.gap_n += T::constant(SQRT_2) * second * (cable.gap_m * cable.gap_m);
+        self.second_n += moved_m
+            * (T::constant(SQRT_2) * second * moved_m + two * moved.lever_arm * response);
     }
 
     /// The certificate, or the contraction where there is none.
@@ -206,10 +212,13 @@ impl<T: Real> Change<T> {
         radius_n: T,
     ) -> Result<Certificate<T>, T> {
         let (half, one, two) = (T::constant(0.5), T::one(), T::constant(2.0));
-        let second_n = inverse_norm * self.second_n;
+        // A function between its values at the ends of [0, 1], but for an eighth of its second
+        // derivative; a linearisation, but for half of it.
+        let second_n = inverse_norm * (self.second_n * T::constant(0.125));
+        let gap_n = inverse_norm * (self.gap_n * half);
         let rounding_n = inverse_norm * newton.rounding_n;
         let rounded = T::constant(INVERSE_ROUNDING) * T::EPSILON * inverse_norm;
-        let eta = newton.bound_n(rounding_n) + second_n;
+        let eta = newton.bound_n(rounding_n) + second_n + gap_n;
         let omega = inverse_norm * self.omega_sq.sqrt();
         let contraction = inverse_norm * self.by_move_sq.sqrt() + rounded + omega * radius_n;
         // All of it is false for NaN.
@@ -222,7 +231,7 @@ impl<T: Real> Change<T> {
             h: omega * eta,
             contraction,
             // |p* - p_1| <= here/(1 - here) |p_1|, with `here` below a half.
-            existence_radius_n: two * (here * newton.step_n + rounding_n + second_n),
+            existence_radius_n: two * (here * newton.step_n + rounding_n + gap_n),
             uniqueness_radius_n: radius_n - newton.step_n * (one + here),
         })
     }
@@ -296,6 +305,7 @@ impl<T: Real> CableFacts<T> {
             weight_n: zero,
             tension_n: zero,
             tensions_n: zero,
+            tension_b_n: zero,
             horizontal_n: zero,
             horizontal_tangent: zero,
             x_m: zero,
@@ -329,6 +339,7 @@ impl<T: Real> CableFacts<T> {
             weight_n,
             tension_n,
             tensions_n,
+            tension_b_n: at_attachment,
             horizontal_n: force.x,
             horizontal_tangent: curve.tangent.x.abs(),
             x_m: plane.x_m,
@@ -341,8 +352,10 @@ impl<T: Real> CableFacts<T> {
     /// Rounding of what the cable adds to the wrench, in units of `T::EPSILON`, N: of its force, and of
     /// its end, which is known to a few units of the lengths that it is made of.
     #[inline]
-    pub(crate) fn rounding_n(&self, lengths_m: T) -> T {
-        T::constant(ROUNDINGS) * (self.tensions_n + self.response_n_m * lengths_m)
+    pub(crate) fn rounding_n(&self, curve: &CurvePoint<T>, lengths_m: T) -> T {
+        let by_end = &curve.normal_force_by_end_n_m;
+        T::constant(ROUNDINGS)
+            * (self.tension_b_n + (by_end.x.abs() + by_end.y.abs()) * lengths_m)
     }
 }
 

@@ -318,7 +318,7 @@ impl<T: Real, M: ShapedCable<T>> Part<'_, T, M> {
             imbalance += plane.wrench_n(&(state.force_n + curve.correction_n()));
             columns[i] = plane.wrench_n(&curve.tangent).data.0[0];
             closure_m = closure_m.max(cable.gap_m);
-            rounding_n += cable.rounding_n(state.rest_length_m + size_m);
+            rounding_n += cable.rounding_n(&curve, state.rest_length_m + size_m);
             let along = predicted.x * curve.tangent.x + predicted.y * curve.tangent.y;
             behind_sq += along * along;
             curves[i] = curve;
@@ -347,7 +347,8 @@ impl<T: Real, M: ShapedCable<T>> Part<'_, T, M> {
         let inverse_norm = inverse.norm();
         let newton = NewtonSize {
             step_n: norm(&advance_n),
-            behind_n: behind_sq.sqrt() + known_n + known_n,
+            // The tangents have turned a little since.
+            behind_n: behind_sq.sqrt() + known_n * T::constant(1.25),
             rounding_n: rounding_n * T::EPSILON,
         };
         let certificate = certify(&M::SHAPE, &facts, self.moved, inverse_norm, &newton);

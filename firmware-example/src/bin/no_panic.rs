@@ -72,7 +72,7 @@ mod image {
     }
 
     /// A model, and all that is generic over models.
-    fn model<T: Real, M: CableModel<T>>(model: M) {
+    fn model<T: Real, M: ShapedCable<T>>(model: M) {
         let model = black_box(model);
         let (x_m, z_m, rest_length_m) = (number::<T>(), number::<T>(), number::<T>());
         black_box(model.weight_n_m());
@@ -99,7 +99,7 @@ mod image {
         statics(&robot);
     }
 
-    fn statics<T: Real, M: CableModel<T>>(robot: &Robot<T, M>) {
+    fn statics<T: Real, M: ShapedCable<T>>(robot: &Robot<T, M>) {
         let robot = black_box(robot);
         let orientation = UnitQuaternion::new_unchecked(black_box(Quaternion::new(
             T::one(),
@@ -134,7 +134,7 @@ mod image {
         tracker(robot, load, pose);
     }
 
-    fn tracker<T: Real, M: CableModel<T>>(robot: &Robot<T, M>, load: Load<T>, pose: Pose<T>) {
+    fn tracker<T: Real, M: ShapedCable<T>>(robot: &Robot<T, M>, load: Load<T>, pose: Pose<T>) {
         let limits = CableLimits {
             shortest_m: number(),
             longest_m: number(),
