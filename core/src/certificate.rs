@@ -34,9 +34,10 @@
 
 use core::f64::consts::SQRT_2;
 
+use nalgebra::Vector2;
+
 use crate::{
-    CABLES, CableModel, CablePlane, CableState, CurvePoint, IrvineCatenary, LinearElastic,
-    NonDeformable, Real, Scalar,
+    CableModel, CablePlane, CurvePoint, IrvineCatenary, LinearElastic, NonDeformable, Real, Scalar,
 };
 
 /// Numbers without dimension that bound how the force curve of a cable model bends, and how it moves
@@ -105,6 +106,18 @@ pub struct Certificate<T> {
     pub uniqueness_radius_n: T,
 }
 
+impl<T: Real> Move<T> {
+    /// No move.
+    pub(crate) fn none() -> Self {
+        Self { attachment_m: T::zero(), lever_arm: T::zero() }
+    }
+
+    /// A part of the move.
+    pub(crate) fn part(&self, share: T) -> Self {
+        Self { attachment_m: self.attachment_m * share, lever_arm: self.lever_arm * share }
+    }
+}
+
 /// How far the platform has moved since the last certified solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Move<T> {
@@ -114,43 +127,44 @@ pub(crate) struct Move<T> {
     pub(crate) lever_arm: T,
 }
 
-/// What the bounds need to know of one cable.
+/// The factor between `S / (|x| + |z|)` and the bound on the response of the force over the trusted region:
+/// `n <= S/(2 L)`, where `S` may rise by 1/16, `L` is at least the distance over 1.2, and the distance at
+/// least `(|x| + |z|)/sqrt 2`.
+const RESPONSE_OVER_REGION: f64 = 0.5 * 1.2 * SQRT_2 * 17.0 / 16.0;
+
+/// The tensions of a cable.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct CableFacts<T> {
-    /// Weight per length, N/m.
-    pub(crate) weight_n_m: T,
-    /// Weight, N.
-    pub(crate) weight_n: T,
-    /// Smaller of the end tensions, N.
+pub(crate) struct Hanging<T> {
+    /// At the attachment, N.
     pub(crate) tension_n: T,
-    /// Sum of the end tensions, N.
-    pub(crate) tensions_n: T,
-    /// Tension at the attachment, N.
-    tension_b_n: T,
-    /// Horizontal force, N.
-    pub(crate) horizontal_n: T,
-    /// Horizontal part of the unit tangent, without sign.
-    pub(crate) horizontal_tangent: T,
-    /// Horizontal distance of the ends, m.
-    pub(crate) x_m: T,
-    /// Bound on the change of the force per metre that the end moves, N/m.
-    pub(crate) response_n_m: T,
-    /// Distance of the end from where it should be, m.
-    pub(crate) gap_m: T,
+    /// At the anchor, N.
+    pub(crate) anchor_tension_n: T,
+    /// The vertical force there, `Fz - W`, N.
+    pub(crate) anchor_vertical_n: T,
 }
 
-/// The factor between `S / (2 d)`, with `d` the distance of the ends, and the bound on the response of the
-/// force over the trusted region: `n <= S/(2 L)`, where `S` may rise by 1/16 and `L` is at least `d/1.2`.
-const RESPONSE_OVER_REGION: f64 = 0.5 * 1.2 * 17.0 / 16.0;
+impl<T: Real> Hanging<T> {
+    /// Of a cable of this weight per length.
+    #[inline]
+    pub(crate) fn new(weight_n_m: T, force_n: &Vector2<T>, rest_length_m: T) -> Self {
+        let anchor_vertical_n = force_n.y - weight_n_m * rest_length_m;
+        let horizontal_sq = force_n.x * force_n.x;
+        Self {
+            tension_n: (horizontal_sq + force_n.y * force_n.y).sqrt(),
+            anchor_tension_n: (horizontal_sq + anchor_vertical_n * anchor_vertical_n).sqrt(),
+            anchor_vertical_n,
+        }
+    }
+}
 
 /// Sums over the cables of what may change.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Change<T> {
-    /// Square of the change of the matrix per newton of the radius.
-    omega_sq: T,
+pub(crate) struct Change<T> {
+    /// Sum of the squares of the curvatures, 1/N^2.
+    curvature_sq: T,
     /// Square of its change by the move.
     by_move_sq: T,
-    /// Change of the wrench of second order over the move, N.
+    /// Change of the wrench of second order over the move, per metre of it, N/m.
     second_n: T,
     /// And by the way back to the curves, N.
     gap_n: T,
@@ -160,66 +174,96 @@ struct Change<T> {
 
 impl<T: Real> Change<T> {
     #[inline]
-    fn new() -> Self {
-        Self { omega_sq: T::zero(), by_move_sq: T::zero(), second_n: T::zero(), gap_n: T::zero(), is_trusted: true }
+    pub(crate) fn new() -> Self {
+        Self {
+            curvature_sq: T::zero(),
+            by_move_sq: T::zero(),
+            second_n: T::zero(),
+            gap_n: T::zero(),
+            is_trusted: true,
+        }
     }
 
     /// Adds a cable whose coordinate stays within `radius_n`.
+    /// Adds a cable, hanging as in `cable` after the Newton step, whose coordinate stays within `radius_n`.
     #[inline]
-    fn add(&mut self, shape: &CurveShape, cable: &CableFacts<T>, moved: &Move<T>, radius_n: T) {
-        let two = T::constant(2.0);
-        let way = moved.attachment_m + cable.gap_m;
-        let per_tension = T::one() / cable.tension_n;
-        // Both end forces stay within this of their places.
-        let reach =
-            T::constant(1.6) * radius_n + two * (cable.response_n_m + cable.weight_n_m) * way;
-        let room_m = cable.x_m - moved.attachment_m;
+    #[allow(clippy::too_many_arguments)] // all that is known of a cable
+    pub(crate) fn add(
+        &mut self,
+        shape: &CurveShape,
+        weight_n_m: T,
+        plane: &CablePlane<T>,
+        curve: &CurvePoint<T>,
+        horizontal_n: T,
+        cable: &Hanging<T>,
+        rest_length_m: T,
+        moved: &Move<T>,
+        radius_n: T,
+    ) {
+        let (one, two, moved_m) = (T::one(), T::constant(2.0), moved.attachment_m);
+        let tensions_n = cable.tension_n + cable.anchor_tension_n;
+        let tension_n = cable.tension_n.min(cable.anchor_tension_n);
+        let weight_n = weight_n_m * rest_length_m;
+        // A lower bound of the distance of the ends at all poses: |x| + |z| is at most sqrt 2 of it.
+        let span_m = plane.x_m + plane.z_m.abs();
+        let room_m = span_m - two * moved_m;
+        let response = T::constant(shape.response * RESPONSE_OVER_REGION) * tensions_n / room_m;
+        let gap_m = curve.gap_m.x.abs() + curve.gap_m.y.abs();
+        let way_m = moved_m + gap_m;
+        // Both end forces stay within this of their places: the ball is around where the Newton step
+        // began, at most half of its radius away.
+        let reach = T::constant(2.1) * radius_n + two * (response + weight_n_m) * way_m;
+        let beside_m = plane.x_m - two * moved_m; // so that there is room, too
+        let hangs = plane.z_m <= T::zero() || weight_n <= T::constant(0.7) * tensions_n;
         self.is_trusted = self.is_trusted
-            && reach <= T::constant(1.0 / 16.0) * cable.tension_n
-            && room_m > T::zero();
+            && hangs
+            && reach <= T::constant(1.0 / 16.0) * tension_n
+            && span_m <= T::constant(1.1 * SQRT_2) * rest_length_m
+            && beside_m > T::zero();
+
+        let per_tension = one / tension_n;
+        let per_beside = one / beside_m;
         // (16/15)^4 = 1.295: the end tensions may fall by a sixteenth.
-        let ratio = (cable.weight_n + two * reach) * per_tension / cable.tensions_n;
+        let ratio = (weight_n + two * reach) * per_tension / tensions_n;
         let curvature =
-            T::constant(1.295 * shape.curvature) * (ratio * ratio) * (cable.horizontal_n + reach);
-        let per_room = T::one() / room_m;
-        let turn = T::constant(16.0 / 15.0 * shape.turn / shape.response)
-            * cable.response_n_m
-            * way
-            * per_tension;
-        let with_plane = (cable.horizontal_tangent + turn + curvature * radius_n)
-            * (moved.attachment_m * per_room);
+            T::constant(1.295 * shape.curvature) * (ratio * ratio) * (horizontal_n + reach);
+        let swing = response * per_tension;
+        let turn = T::constant(16.0 / 15.0 * shape.turn / shape.response) * swing * way_m;
+        let with_plane =
+            (curve.tangent.x.abs() + turn + curvature * radius_n) * (moved_m * per_beside);
         let column = T::constant(SQRT_2) * (turn + with_plane) + moved.lever_arm;
-        self.omega_sq += two * (curvature * curvature);
+        self.curvature_sq += curvature * curvature;
         self.by_move_sq += column * column;
-        // The direction of a cable of length x turns as its attachment moves past.
-        let response = cable.response_n_m;
+        // Of second order: the response itself changes, and the plane turns around the anchor.
         let second = T::constant(16.0 / 15.0 * shape.second)
-            * (response * response + cable.weight_n_m * cable.weight_n_m)
-            * per_tension
-            + T::constant(10.0) * response * per_room;
-        let moved_m = moved.attachment_m;
-        self.gap_n += T::constant(SQRT_2) * second * (cable.gap_m * cable.gap_m);
-        self.second_n += moved_m
-            * (T::constant(SQRT_2) * second * moved_m + two * moved.lever_arm * response);
+            * (response * swing + weight_n_m * weight_n_m * per_tension)
+            + T::constant(10.0) * response * per_beside;
+        self.gap_n += second * (gap_m * gap_m);
+        self.second_n += second * moved_m + two * moved.lever_arm * response;
     }
 
     /// The certificate, or the contraction where there is none.
+    ///
+    /// # Errors
+    /// The contraction; it may be small, when a cable leaves its trusted region.
     #[inline]
-    fn certify(
+    pub(crate) fn certify(
         &self,
         inverse_norm: T,
         newton: &NewtonSize<T>,
         radius_n: T,
+        moved: &Move<T>,
     ) -> Result<Certificate<T>, T> {
         let (half, one, two) = (T::constant(0.5), T::one(), T::constant(2.0));
-        // A function between its values at the ends of [0, 1], but for an eighth of its second
-        // derivative; a linearisation, but for half of it.
-        let second_n = inverse_norm * (self.second_n * T::constant(0.125));
-        let gap_n = inverse_norm * (self.gap_n * half);
+        // A function lies between its values at the ends of [0, 1] but for an eighth of its second
+        // derivative; a linearisation is off by half of it. A unit force has a wrench of sqrt 2.
+        let second_n =
+            inverse_norm * T::constant(0.125 * SQRT_2) * self.second_n * moved.attachment_m;
+        let gap_n = inverse_norm * T::constant(0.5 * SQRT_2) * self.gap_n;
         let rounding_n = inverse_norm * newton.rounding_n;
         let rounded = T::constant(INVERSE_ROUNDING) * T::EPSILON * inverse_norm;
         let eta = newton.bound_n(rounding_n) + second_n + gap_n;
-        let omega = inverse_norm * self.omega_sq.sqrt();
+        let omega = inverse_norm * (two * self.curvature_sq).sqrt();
         let contraction = inverse_norm * self.by_move_sq.sqrt() + rounded + omega * radius_n;
         // All of it is false for NaN.
         let proven = self.is_trusted && eta + eta <= radius_n && contraction <= half;
@@ -255,34 +299,18 @@ impl<T: Real> NewtonSize<T> {
     fn bound_n(&self, rounding_n: T) -> T {
         (self.step_n + rounding_n).max(self.behind_n * T::constant(1.5))
     }
+
+    /// Radius of the ball: twice the bound, and an eighth for what is of second order.
+    #[inline]
+    pub(crate) fn radius_n(&self, inverse_norm: T) -> T {
+        self.bound_n(inverse_norm * self.rounding_n) * T::constant(2.25)
+    }
 }
 
 /// Rounding of the matrix of tangent wrenches and of its inverse, times the rounding unit and the
 /// norm of the inverse. Elimination with partial pivoting is off by `6 g |M|` with `|M| <= sqrt 12` and
 /// the growth `g` hardly ever above 8: 166; the tangents by 32 units each: `32 sqrt 12`.
 const INVERSE_ROUNDING: f64 = 300.0;
-
-/// The certificate of a Newton step that was made with an inverse of norm `inverse_norm`, or, where
-/// there is none, the contraction that was found. Constant cost.
-///
-/// # Errors
-/// The contraction; it may be small, when a cable leaves its trusted region.
-#[inline]
-pub(crate) fn certify<T: Real>(
-    shape: &CurveShape,
-    cables: &[CableFacts<T>; CABLES],
-    moved: &Move<T>,
-    inverse_norm: T,
-    newton: &NewtonSize<T>,
-) -> Result<Certificate<T>, T> {
-    // Twice the bound, and an eighth for what is of second order.
-    let radius_n = newton.bound_n(inverse_norm * newton.rounding_n) * T::constant(2.25);
-    let mut change = Change::new();
-    for cable in cables {
-        change.add(shape, cable, moved, radius_n);
-    }
-    change.certify(inverse_norm, newton, radius_n)
-}
 
 impl<T: Real> Certificate<T> {
     /// Where nothing is proven.
@@ -296,67 +324,13 @@ impl<T: Real> Certificate<T> {
     }
 }
 
-impl<T: Real> CableFacts<T> {
-    /// A place for facts, about a cable that holds nothing.
-    pub(crate) fn none() -> Self {
-        let zero = T::zero();
-        Self {
-            weight_n_m: zero,
-            weight_n: zero,
-            tension_n: zero,
-            tensions_n: zero,
-            tension_b_n: zero,
-            horizontal_n: zero,
-            horizontal_tangent: zero,
-            x_m: zero,
-            response_n_m: zero,
-            gap_m: zero,
-        }
-    }
-
-    /// What the bounds need of the cable at `state`, the attachment of which moves by `way_m`.
-    #[inline]
-    pub(crate) fn new(
-        shape: &CurveShape,
-        weight_n_m: T,
-        plane: &CablePlane<T>,
-        state: &CableState<T>,
-        curve: &CurvePoint<T>,
-        way_m: T,
-    ) -> Self {
-        let weight_n = weight_n_m * state.rest_length_m;
-        let (force, gap) = (&state.force_n, &curve.gap_m);
-        let (at_attachment, _) = T::hypot_with_excess(force.x, force.y);
-        let (at_anchor, _) = T::hypot_with_excess(force.x, force.y - weight_n);
-        let tensions_n = at_attachment + at_anchor;
-        let distance_m = plane.distance_m();
-        // Beyond these the shape is not known, and no tension is trusted.
-        let hangs = plane.z_m <= T::zero() || weight_n <= T::constant(0.7) * tensions_n;
-        let holds = distance_m <= T::constant(1.1) * state.rest_length_m;
-        let tension_n = if hangs && holds { at_attachment.min(at_anchor) } else { T::zero() };
-        Self {
-            weight_n_m,
-            weight_n,
-            tension_n,
-            tensions_n,
-            tension_b_n: at_attachment,
-            horizontal_n: force.x,
-            horizontal_tangent: curve.tangent.x.abs(),
-            x_m: plane.x_m,
-            response_n_m: T::constant(shape.response * RESPONSE_OVER_REGION) * tensions_n
-                / (distance_m - way_m),
-            gap_m: gap.x.abs() + gap.y.abs(),
-        }
-    }
-
-    /// Rounding of what the cable adds to the wrench, in units of `T::EPSILON`, N: of its force, and of
-    /// its end, which is known to a few units of the lengths that it is made of.
-    #[inline]
-    pub(crate) fn rounding_n(&self, curve: &CurvePoint<T>, lengths_m: T) -> T {
-        let by_end = &curve.normal_force_by_end_n_m;
-        T::constant(ROUNDINGS)
-            * (self.tension_b_n + (by_end.x.abs() + by_end.y.abs()) * lengths_m)
-    }
+/// Rounding of what a cable adds to the wrench, in units of `T::EPSILON`, N: of its force, and of its end,
+/// which is known to a few units of the lengths that it is made of.
+#[inline]
+pub(crate) fn rounding<T: Real>(curve: &CurvePoint<T>, force_n: &Vector2<T>, lengths_m: T) -> T {
+    let by_end = &curve.normal_force_by_end_n_m;
+    let force = force_n.x.abs() + force_n.y.abs();
+    T::constant(ROUNDINGS) * (force + (by_end.x.abs() + by_end.y.abs()) * lengths_m)
 }
 
 /// Roundings of a term of the wrench, and of the end of a cable: 1.7 units of the length were the most

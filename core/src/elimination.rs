@@ -127,105 +127,102 @@ impl<T: Real> Elimination<T> {
     }
 }
 
-/// The inverse of a 6x6 matrix, in place: for where its norm is wanted as well as its product with
-/// several vectors.
+/// A 6x6 matrix, column by column, to be inverted in place: for where the norm of the inverse is
+/// wanted as well as its product with several vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Inverse<T> {
-    /// Column by column.
-    columns: [[T; CABLES]; CABLES],
+pub(crate) struct Square<T> {
+    /// Of the inverse: column `j` belongs to component `rows[j]` of what it is multiplied with.
+    pub(crate) columns: [[T; CABLES]; CABLES],
+    rows: [usize; CABLES],
 }
 
-impl<T: Real> Inverse<T> {
-    /// Inverts a matrix given by its columns (Gauss and Jordan, partial pivoting); `None` when it is
-    /// singular to working precision or not finite.
+impl<T: Real> Square<T> {
+    /// A matrix, given by its columns.
     #[inline]
-    pub(crate) fn new(columns: &[[T; CABLES]; CABLES]) -> Option<Self> {
-        let mut largest = T::zero();
-        for entry in columns.iter().flatten() {
-            largest = largest.max(entry.abs());
-        }
-        let threshold = largest * T::EPSILON;
-        let mut this = Self { columns: *columns };
-        let mut order = [0; CABLES];
-        let regular = this.exchange::<0>(threshold, &mut order)
-            && this.exchange::<1>(threshold, &mut order)
-            && this.exchange::<2>(threshold, &mut order)
-            && this.exchange::<3>(threshold, &mut order)
-            && this.exchange::<4>(threshold, &mut order)
-            && this.exchange::<5>(threshold, &mut order);
-        if !regular {
-            return None;
-        }
-        // Rows that were exchanged of the matrix are columns of its inverse.
-        for k in (0..CABLES).rev() {
-            let other = order[k];
-            if other != k && other < CABLES {
-                this.columns.swap(k, other);
-            }
-        }
-        Some(this)
+    pub(crate) fn new(columns: [[T; CABLES]; CABLES]) -> Self {
+        Self { columns, rows: [0, 1, 2, 3, 4, 5] }
+    }
+
+    /// Inverts a matrix whose columns have norms around 1 (Gauss and Jordan, partial pivoting); `false`
+    /// when it is singular to working precision or not finite, and then nothing is left of it.
+    #[inline]
+    pub(crate) fn invert(&mut self) -> bool {
+        self.exchange::<0>()
+            && self.exchange::<1>()
+            && self.exchange::<2>()
+            && self.exchange::<3>()
+            && self.exchange::<4>()
+            && self.exchange::<5>()
     }
 
     /// Exchanges unknown `K` for the right side of the equation with the largest factor of it.
     #[inline]
-    fn exchange<const K: usize>(&mut self, threshold: T, order: &mut [usize; CABLES]) -> bool {
-        let mut pivot_size = self.columns[K][K].abs();
+    fn exchange<const K: usize>(&mut self) -> bool {
+        let mut factors = self.columns[K];
+        let mut pivot_size = factors[K].abs();
         let mut pivot_row = K;
         for i in K + 1..CABLES {
-            let size = self.columns[K][i].abs();
+            let size = factors[i].abs();
             if size > pivot_size {
                 pivot_size = size;
                 pivot_row = i;
             }
         }
-        let regular = pivot_size > threshold && pivot_size <= T::HUGE; // false for NaN
+        let regular = pivot_size > T::EPSILON && pivot_size <= T::HUGE; // false for NaN
         if !regular {
             return false;
         }
-        order[K] = pivot_row;
         if pivot_row != K {
             for column in &mut self.columns {
                 column.swap(K, pivot_row);
             }
+            factors.swap(K, pivot_row);
+            self.rows.swap(K, pivot_row);
         }
-        let reciprocal = T::one() / self.columns[K][K];
-        let mut factors = self.columns[K];
+        let reciprocal = T::one() / factors[K];
         for i in 0..CABLES {
-            factors[i] *= reciprocal;
+            factors[i] = -(factors[i] * reciprocal);
         }
+        factors[K] = reciprocal;
         for j in 0..CABLES {
             if j != K {
                 let top = self.columns[j][K];
                 for i in 0..CABLES {
                     if i != K {
-                        self.columns[j][i] -= factors[i] * top;
+                        self.columns[j][i] += factors[i] * top;
                     }
                 }
                 self.columns[j][K] = top * reciprocal;
             }
         }
-        for i in 0..CABLES {
-            self.columns[K][i] = if i == K { reciprocal } else { -factors[i] };
-        }
+        self.columns[K] = factors;
         true
     }
 
     /// The product with a vector.
     #[inline]
-    pub(crate) fn times(&self, right: &Vector6<T>) -> Vector6<T> {
+    pub(crate) fn times(&self, right: &[T; CABLES]) -> [T; CABLES] {
         let mut x = [T::zero(); CABLES];
         for j in 0..CABLES {
+            // A permutation, which the compiler cannot know; indexing could panic.
+            let factor = right.get(self.rows[j]).copied().unwrap_or_else(T::zero);
             for i in 0..CABLES {
-                x[i] += self.columns[j][i] * right[j];
+                x[i] += self.columns[j][i] * factor;
             }
         }
-        Vector6::from(x)
+        x
     }
 
     /// Frobenius norm.
     #[inline]
     pub(crate) fn norm(&self) -> T {
-        self.columns.iter().flatten().fold(T::zero(), |sum, entry| sum + *entry * *entry).sqrt()
+        let mut sum = T::zero();
+        for j in 0..CABLES {
+            for i in 0..CABLES {
+                sum += self.columns[j][i] * self.columns[j][i];
+            }
+        }
+        sum.sqrt()
     }
 }
 
@@ -275,6 +272,29 @@ mod tests {
             let condition = elimination.condition();
             assert!((identity - Matrix6::identity()).amax() < 48.0 * f64::EPSILON * condition);
         }
+    }
+
+    #[test]
+    fn inverts_like_nalgebra() {
+        for seed in 0..500 {
+            let mut next = entries(seed);
+            let matrix = Matrix6::<f64>::from_fn(|_, _| next());
+            let right = core::array::from_fn(|_| next());
+            let mut square = Square::new(matrix.data.0);
+            assert!(square.invert());
+            // As above: the backward error of elimination, times the condition.
+            let inverse = matrix.try_inverse().unwrap();
+            let bound = 2.0 * 6.0 * 8.0 * f64::EPSILON * matrix.norm() * square.norm();
+            assert!((square.norm() / inverse.norm() - 1.0).abs() < bound, "{seed}");
+            let product = Vector6::from(square.times(&right));
+            let error = (product - inverse * Vector6::from(right)).norm();
+            assert!(error < bound * inverse.norm() * Vector6::from(right).norm(), "{seed}");
+        }
+        let mut singular = Square::new([[1.0_f32; CABLES]; CABLES]);
+        assert!(!singular.invert());
+        let mut not_finite = Square::new(Matrix6::<f32>::identity().data.0);
+        not_finite.columns[3][4] = f32::NAN;
+        assert!(!not_finite.invert());
     }
 
     #[test]

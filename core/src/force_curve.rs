@@ -50,18 +50,6 @@ pub struct CurvePoint<T: Scalar> {
 }
 
 impl<T: Real> CurvePoint<T> {
-    /// A place for a point, not one of any curve.
-    pub(crate) fn none() -> Self {
-        let zero = Vector2::new(T::zero(), T::zero());
-        Self {
-            tangent: zero,
-            length_per_force_m_n: T::zero(),
-            normal_force_by_end_n_m: zero,
-            length_by_end: zero,
-            gap_m: zero,
-        }
-    }
-
     /// Linearises the curve of a cable that should end at `(x_m, z_m)` and at `state` ends at `end`.
     ///
     /// With `J_F` (columns for Fx, Fz) and `J_L` the derivative of the end, the tangent is

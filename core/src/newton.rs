@@ -204,17 +204,11 @@ pub fn converge<T: Real, M: CableModel<T>>(
 
 /// Positive and finite; false for NaN.
 #[inline]
-pub(crate) fn is_length<T: Real>(length_m: T) -> bool {
+fn is_length<T: Real>(length_m: T) -> bool {
     length_m > T::zero() && length_m <= T::HUGE
 }
 
 #[inline]
-pub(crate) fn max_component<T: Real>(vector: &Vector6<T>) -> T {
+fn max_component<T: Real>(vector: &Vector6<T>) -> T {
     vector.iter().fold(T::zero(), |largest, c| largest.max(c.abs()))
-}
-
-/// Euclidean norm.
-#[inline]
-pub(crate) fn norm<T: Real>(vector: &Vector6<T>) -> T {
-    vector.iter().fold(T::zero(), |sum, c| sum + *c * *c).sqrt()
 }

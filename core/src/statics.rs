@@ -45,8 +45,7 @@ impl<T: Real> Balance<T> {
         Self::with_directions(robot, load, pose, |i| self.planes[i].direction)
     }
 
-    /// The same with the direction that each cable keeps when it is exactly vertical.
-    pub(crate) fn with_directions<M>(
+    fn with_directions<M>(
         robot: &Robot<T, M>,
         load: &Load<T>,
         pose: &Pose<T>,
@@ -63,11 +62,20 @@ impl<T: Real> Balance<T> {
         if let Some(i) = planes.iter().position(touching) {
             return Err(GeometryFault::AttachmentOnAnchor(i));
         }
-        let wrench = load.wrench(pose);
-        let (f, m) = (wrench.force_n, wrench.moment_nm * robot.per_moment_arm_m());
-        let wrench_n = Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
-        Ok(Self { planes, wrench_n })
+        Ok(Self { planes, wrench_n: wrench_n(robot, load, pose).into() })
     }
+}
+
+/// The external wrench at `pose`: force, then moment over the moment arm, N.
+#[inline]
+pub(crate) fn wrench_n<T: Real, M>(
+    robot: &Robot<T, M>,
+    load: &Load<T>,
+    pose: &Pose<T>,
+) -> [T; CABLES] {
+    let wrench = load.wrench(pose);
+    let (f, m) = (wrench.force_n, wrench.moment_nm * robot.per_moment_arm_m());
+    [f.x, f.y, f.z, m.x, m.y, m.z]
 }
 
 impl<T: Scalar> Balance<T> {

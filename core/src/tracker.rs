@@ -2,11 +2,10 @@
 
 use nalgebra::{Vector2, Vector3, Vector6};
 
-use crate::certificate::{CableFacts, Move, NewtonSize, certify};
-use crate::elimination::Inverse;
+use crate::certificate::{Change, Hanging, Move, NewtonSize, rounding};
+use crate::elimination::Square;
 use crate::geometry::norm3;
-use crate::newton::{is_length, max_component, norm};
-use crate::statics::Balance;
+use crate::statics;
 use crate::{
     CABLES, CablePlane, CableState, Certificate, CurvePoint, Fault, Load, Pose, Real, Robot,
     Scalar, ShapedCable, StepFault,
@@ -70,8 +69,12 @@ pub struct CableCommand<T: Scalar> {
     pub rest_length_m: T,
     /// Its rate of change at the twist of the set-point, for speed feed-forward, m/s.
     pub rest_length_rate_m_s: T,
+    /// Horizontal direction from the anchor to the attachment, world x and y.
+    pub direction: Vector2<T>,
     /// Force on the cable at the attachment, `(Fx, Fz)` in its plane, N.
     pub force_n: Vector2<T>,
+    /// Its rate of change, N/s.
+    pub force_rate_n_s: Vector2<T>,
     /// Force of the cable on its winch at the anchor, `(Fx, Fz - W)`, N.
     pub anchor_force_n: Vector2<T>,
     /// Tension at the attachment, N.
@@ -111,8 +114,7 @@ pub struct Tracker<T: Real, M> {
     robot: Robot<T, M>,
     load: Load<T>,
     settings: TrackerSettings<T>,
-    solution: Solution<T>,
-    command: Command<T>,
+    now: Solution<T>,
 }
 
 /// Parts of a move that one tick tries at most: eight that succeed and three that were too long.
@@ -121,24 +123,37 @@ pub const MAX_PARTS: u8 = 11;
 /// Shortest part of a move.
 const SHORTEST_PART: f64 = 1.0 / 8.0;
 
-/// A certified solution, with what the next tick needs of it.
+/// Newton steps of [`Tracker::start`].
+pub const START_STEPS: u8 = 20;
+
+/// A start has settled when a step is below this many rounding units of the tensions: what rounding
+/// times the condition of a good posture leaves.
+const START_STEP: f64 = 4096.0;
+
+/// A pose and what holds the platform there.
 #[derive(Clone, Copy, Debug)]
 struct Solution<T: Scalar> {
     pose: Pose<T>,
-    directions: [Vector2<T>; CABLES],
-    states: [CableState<T>; CABLES],
-    rates: [CableRate<T>; CABLES],
-    distance: T,
-    certificate: Certificate<T>,
-    closure_m: T,
-    imbalance_n: T,
+    command: Command<T>,
 }
 
-/// How force and rest length of a cable change with time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct CableRate<T: Scalar> {
-    force_n_s: Vector2<T>,
-    rest_length_m_s: T,
+/// What a part of a move is made for.
+#[derive(Clone, Copy, PartialEq)]
+enum Purpose {
+    /// To come closer to a solution: proven or not, and beyond limits.
+    Start,
+    /// To come closer to the pose of a command: proven, but beyond limits.
+    Part,
+    /// To be commanded.
+    Command,
+}
+
+/// Why a part of a move was not made.
+enum Refusal<T> {
+    /// It cannot be: smaller parts would not help.
+    Fault(Fault<T>),
+    /// It is not proven; the contraction that was found.
+    Unproven { contraction: T },
 }
 
 impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
@@ -154,28 +169,41 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         set_point: &SetPoint<T>,
         states: &[CableState<T>; CABLES],
     ) -> Result<Self, Fault<T>> {
-        let still = Move { attachment_m: T::zero(), lever_arm: T::zero() };
-        let mut rates = [CableRate::still(); CABLES];
-        let mut directions = [Vector2::new(T::one(), T::zero()); CABLES];
-        let mut states = *states;
-        let mut outcome = Err(Fault::NotCertified { contraction: T::HUGE });
+        let now = Solution { pose: set_point.pose, command: Command::at(states) };
+        let settings = TrackerSettings {
+            cables: settings.cables.each_ref().map(CableLimits::finite),
+            ..settings
+        };
+        let mut tracker = Self { robot, load, settings, now };
+        tracker.check(set_point)?;
+        let mut contraction = T::HUGE;
         for _ in 0..START_STEPS {
-            let from = Start { states: &states, rates: &rates, directions: &directions };
-            let part =
-                Part { robot: &robot, load: &load, set_point, moved: &still, time_s: T::zero() };
-            let next = part.solve(&from, T::zero())?;
-            let settled = next.change <= T::constant(START_CHANGE) * T::EPSILON;
-            (states, rates) = (next.solution.states, next.solution.rates);
-            directions = next.solution.directions;
-            outcome = next.certified();
-            if settled && outcome.is_ok() {
-                break;
+            // The steps follow each other without prediction, and nothing was known before.
+            for cable in &mut tracker.now.command.cables {
+                cable.rest_length_rate_m_s = T::zero();
+                cable.force_rate_n_s = Vector2::new(T::zero(), T::zero());
+            }
+            tracker.now.command.certificate.existence_radius_n = T::zero();
+            let settled = T::constant(START_STEP) * T::EPSILON;
+            let outcome = tracker.advance(set_point, &Move::none(), T::zero(), Purpose::Start);
+            match outcome {
+                Ok((step_n, tensions_n)) if step_n <= settled * tensions_n => {
+                    // The same again, this time to be commanded.
+                    let still = Move::none();
+                    return match tracker.advance(set_point, &still, T::zero(), Purpose::Command) {
+                        Ok(_) => Ok(tracker),
+                        Err(Refusal::Fault(fault)) => Err(fault),
+                        Err(Refusal::Unproven { contraction }) => {
+                            Err(Fault::NotCertified { contraction })
+                        }
+                    };
+                }
+                Ok(_) => {}
+                Err(Refusal::Unproven { contraction: found }) => contraction = found,
+                Err(Refusal::Fault(fault)) => return Err(fault),
             }
         }
-        let solution = outcome?;
-        let mut tracker = Self { robot, load, settings, solution, command: Command::none() };
-        tracker.accept(solution, 1)?;
-        Ok(tracker)
+        Err(Fault::NotCertified { contraction })
     }
 
     /// The next command: for the pose of `set_point`, on the branch of the last one.
@@ -184,48 +212,55 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     /// [`Fault`]; the last command then stands.
     pub fn tick(&mut self, set_point: &SetPoint<T>) -> Result<&Command<T>, Fault<T>> {
         let goal = self.check(set_point)?;
-        let mut solution = self.solution;
-        let (mut done, mut share) = (T::zero(), T::one());
-        let mut last = Fault::NotCertified { contraction: T::HUGE };
-        for parts in 1..=MAX_PARTS {
+        match self.advance(set_point, &goal, self.settings.period_s, Purpose::Command) {
+            Ok(_) => Ok(&self.now.command),
+            Err(Refusal::Fault(fault)) => Err(fault),
+            Err(Refusal::Unproven { contraction }) => {
+                let before = self.now;
+                match self.advance_in_parts(set_point, &goal, contraction) {
+                    Ok(()) => Ok(&self.now.command),
+                    Err(fault) => {
+                        self.now = before;
+                        Err(fault)
+                    }
+                }
+            }
+        }
+    }
+
+    /// A tick in parts of half the move and less, after the whole was not proven.
+    #[cold]
+    #[inline(never)]
+    fn advance_in_parts(
+        &mut self,
+        set_point: &SetPoint<T>,
+        goal: &Move<T>,
+        contraction: T,
+    ) -> Result<(), Fault<T>> {
+        let start = self.now.pose;
+        let (mut done, mut share) = (T::zero(), T::constant(0.5));
+        let mut contraction = contraction;
+        for parts in 2..=MAX_PARTS {
             let reached = done + share;
-            let is_whole = reached >= T::one();
-            let between;
-            let here = if is_whole {
-                set_point
-            } else {
-                let pose = self.solution.pose.between(&set_point.pose, reached);
-                between = SetPoint { pose, twist: set_point.twist };
-                &between
-            };
-            let moved =
-                Move { attachment_m: goal.attachment_m * share, lever_arm: goal.lever_arm * share };
-            let part = Part {
-                robot: &self.robot,
-                load: &self.load,
-                set_point: here,
-                moved: &moved,
-                time_s: self.settings.period_s * share,
-            };
-            let from = Start {
-                states: &solution.states,
-                rates: &solution.rates,
-                directions: &solution.directions,
-            };
-            match part
-                .solve(&from, solution.certificate.existence_radius_n)
-                .and_then(Outcome::certified)
-            {
-                Ok(next) if is_whole => {
-                    self.accept(next, parts)?;
-                    return Ok(&self.command);
+            let is_last = reached >= T::one();
+            let pose =
+                if is_last { set_point.pose } else { start.between(&set_point.pose, reached) };
+            let time_s = self.settings.period_s * share;
+            let here = SetPoint { pose, twist: set_point.twist };
+            match self.advance(
+                &here,
+                &goal.part(share),
+                time_s,
+                if is_last { Purpose::Command } else { Purpose::Part },
+            ) {
+                Ok(_) if is_last => {
+                    self.now.command.parts = parts;
+                    return Ok(());
                 }
-                Ok(next) => {
-                    solution = next;
-                    done = reached;
-                }
-                Err(fault) => {
-                    last = fault;
+                Ok(_) => done = reached,
+                Err(Refusal::Fault(fault)) => return Err(fault),
+                Err(Refusal::Unproven { contraction: found }) => {
+                    contraction = found;
                     share *= T::constant(0.5);
                     if share < T::constant(SHORTEST_PART) {
                         break;
@@ -233,265 +268,162 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                 }
             }
         }
-        Err(last)
+        Err(Fault::NotCertified { contraction })
     }
-}
 
-/// Newton steps of [`Tracker::start`].
-pub const START_STEPS: u8 = 20;
-
-/// A start has settled when a step changes forces and rest lengths by less than this many rounding
-/// units, relative: what rounding times the condition of a good posture leaves.
-const START_CHANGE: f64 = 4096.0;
-
-/// Where a part of a move starts.
-struct Start<'a, T: Scalar> {
-    states: &'a [CableState<T>; CABLES],
-    rates: &'a [CableRate<T>; CABLES],
-    directions: &'a [Vector2<T>; CABLES],
-}
-
-/// A move, or a part of one.
-struct Part<'a, T: Scalar, M> {
-    robot: &'a Robot<T, M>,
-    load: &'a Load<T>,
-    set_point: &'a SetPoint<T>,
-    moved: &'a Move<T>,
-    time_s: T,
-}
-
-/// Where a Newton step has led, and whether that is proven.
-struct Outcome<T: Scalar> {
-    solution: Solution<T>,
-    /// Largest relative change of a force or rest length.
-    change: T,
-    /// Without a proof, the contraction that was found.
-    unproven: Option<T>,
-}
-
-impl<T: Real> Outcome<T> {
-    fn certified(self) -> Result<Solution<T>, Fault<T>> {
-        match self.unproven {
-            None => Ok(self.solution),
-            Some(contraction) => Err(Fault::NotCertified { contraction }),
-        }
-    }
-}
-
-impl<T: Real, M: ShapedCable<T>> Part<'_, T, M> {
-    /// Predicts, makes one Newton step at the pose, and tries to certify it. The solution that the
-    /// part starts from is known to `known_n`.
+    /// Predicts, makes one Newton step at the pose, and certifies it. Nothing changes where that
+    /// is refused. Returns the size of the step and the sum of the end tensions, N.
     #[inline]
-    fn solve(&self, from: &Start<'_, T>, known_n: T) -> Result<Outcome<T>, Fault<T>> {
-        let (robot, pose) = (self.robot, &self.set_point.pose);
-        let balance = Balance::with_directions(robot, self.load, pose, |i| from.directions[i])
-            .map_err(Fault::Geometry)?;
-        let planes = balance.planes();
-        let mut states = *from.states;
-        let mut curves = [CurvePoint::none(); CABLES];
-        let mut facts = [CableFacts::none(); CABLES];
-        let mut columns = [[T::zero(); CABLES]; CABLES];
-        let mut imbalance = *balance.wrench_n();
+    fn advance(
+        &mut self,
+        set_point: &SetPoint<T>,
+        moved: &Move<T>,
+        time_s: T,
+        purpose: Purpose,
+    ) -> Result<(T, T), Refusal<T>> {
+        let Self { robot, load, settings, now } = self;
+        let (pose, twist, arm_m) = (&set_point.pose, &set_point.twist, robot.moment_arm_m());
+        let mut sum = statics::wrench_n(robot, load, pose);
         let (mut closure_m, mut rounding_n, mut behind_sq) = (T::zero(), T::zero(), T::zero());
-        let size_m = pose.size_m() + robot.moment_arm_m();
+        let size_m = pose.size_m() + arm_m;
+        let mut inverse = Square::new([[T::zero(); CABLES]; CABLES]);
+        let mut linear = [Linear::none(); CABLES];
         for i in 0..CABLES {
-            let (plane, model, state) = (&planes[i], &robot.cables()[i].model, &mut states[i]);
-            let predicted = from.rates[i].force_n_s * self.time_s;
-            state.force_n += predicted;
-            state.rest_length_m += from.rates[i].rest_length_m_s * self.time_s;
-            if !is_length(state.rest_length_m) {
-                return Err(Fault::Step(StepFault::LengthNotPositive(i)));
-            }
-            let end = model.end_point(state.force_n, state.rest_length_m);
+            let (last, fixed) = (&now.command.cables[i], &robot.cables()[i]);
+            let plane = CablePlane::new(robot, fixed, pose, last.direction);
+            let predicted = last.force_rate_n_s * time_s;
+            let force_n = last.force_n + predicted;
+            let rest_length_m = last.rest_length_m + last.rest_length_rate_m_s * time_s;
+            let end = fixed.model.end_point(force_n, rest_length_m);
             let curve = CurvePoint::new(&end, plane.x_m, plane.z_m);
-            if !curve.is_finite() {
-                return Err(Fault::Step(StepFault::SingularCable(i)));
-            }
-            let cable = CableFacts::new(
-                &M::SHAPE,
-                model.weight_n_m(),
-                plane,
-                state,
-                &curve,
-                self.moved.attachment_m,
-            );
-            imbalance += plane.wrench_n(&(state.force_n + curve.correction_n()));
-            columns[i] = plane.wrench_n(&curve.tangent).data.0[0];
-            closure_m = closure_m.max(cable.gap_m);
-            rounding_n += cable.rounding_n(&curve, state.rest_length_m + size_m);
+            let gap_m = curve.gap_m.x.abs() + curve.gap_m.y.abs();
+            closure_m = closure_m.max(gap_m);
+            rounding_n += rounding(&curve, &force_n, rest_length_m + size_m);
             let along = predicted.x * curve.tangent.x + predicted.y * curve.tangent.y;
             behind_sq += along * along;
-            curves[i] = curve;
-            facts[i] = cable;
+            let on_curve_n = force_n + curve.correction_n();
+            add(&mut sum, &plane.wrench_n(&on_curve_n));
+            inverse.columns[i] = plane.wrench_n(&curve.tangent).data.0[0];
+            let next = &mut linear[i];
+            next.plane = plane;
+            next.curve = curve;
+            next.force_n = on_curve_n;
+            next.rest_length_m = rest_length_m + curve.length_correction_m();
         }
-        let inverse = Inverse::new(&columns).ok_or(Fault::Step(StepFault::SingularStatics))?;
-        let advance_n = inverse.times(&-imbalance);
-        let mut change = T::zero();
-        for i in 0..CABLES {
-            let (curve, state) = (&curves[i], &mut states[i]);
-            let force_change = curve.correction_n() + curve.tangent * advance_n[i];
-            let length_change =
-                curve.length_correction_m() + curve.length_per_force_m_n * advance_n[i];
-            let size = state.force_n.x.abs() + state.force_n.y.abs();
-            let by_force = (force_change.x.abs() + force_change.y.abs()) / size;
-            change = change.max(by_force).max(length_change.abs() / state.rest_length_m);
-            state.force_n += force_change;
-            state.rest_length_m += length_change;
-            if !is_length(state.rest_length_m) {
-                return Err(Fault::Step(StepFault::LengthNotPositive(i)));
-            }
-            if !(state.force_n.x + state.force_n.y).is_finite() {
-                return Err(Fault::Step(StepFault::SingularCable(i)));
-            }
+        if !inverse.invert() {
+            return Err(Refusal::Fault(why_singular(&linear)));
         }
         let inverse_norm = inverse.norm();
+        // Backwards along the curves; how far in all.
+        let back_n = inverse.times(&sum);
         let newton = NewtonSize {
-            step_n: norm(&advance_n),
-            // The tangents have turned a little since.
-            behind_n: behind_sq.sqrt() + known_n * T::constant(1.25),
+            step_n: norm(&back_n),
+            // The tangents have turned a little since it was found.
+            behind_n: behind_sq.sqrt()
+                + now.command.certificate.existence_radius_n * T::constant(1.25),
             rounding_n: rounding_n * T::EPSILON,
         };
-        let certificate = certify(&M::SHAPE, &facts, self.moved, inverse_norm, &newton);
-        let (certificate, unproven) = match certificate {
-            Ok(certificate) => (certificate, None),
-            Err(contraction) => (Certificate::none(), Some(contraction)),
-        };
-        let rates = self.rates(planes, &states, &curves, &inverse);
-        let solution = Solution {
-            pose: *pose,
-            directions: core::array::from_fn(|i| planes[i].direction),
-            states,
-            rates,
-            distance: T::one() / inverse_norm,
-            certificate,
-            closure_m,
-            imbalance_n: max_component(&imbalance),
-        };
-        Ok(Outcome { solution, change, unproven })
-    }
-
-    /// How forces and rest lengths change at the twist of the set-point: the equations of closure and
-    /// of balance, differentiated by time.
-    #[inline]
-    fn rates(
-        &self,
-        planes: &[CablePlane<T>; CABLES],
-        states: &[CableState<T>; CABLES],
-        curves: &[CurvePoint<T>; CABLES],
-        inverse: &Inverse<T>,
-    ) -> [CableRate<T>; CABLES] {
-        let (twist, arm_m) = (&self.set_point.twist, self.robot.moment_arm_m());
-        let load = self.load.moment_rate_nm_s(&self.set_point.pose, &twist.angular_rad_s)
-            * self.robot.per_moment_arm_m();
-        let mut sum = Vector6::new(T::zero(), T::zero(), T::zero(), load.x, load.y, load.z);
-        let mut ends = [Vector2::new(T::zero(), T::zero()); CABLES];
+        let radius_n = newton.radius_n(inverse_norm);
+        let mut change = Change::new();
+        let mut tensions_n = T::zero();
+        let load_rate =
+            load.moment_rate_nm_s(pose, &twist.angular_rad_s) * robot.per_moment_arm_m();
+        let mut rate = [T::zero(), T::zero(), T::zero(), load_rate.x, load_rate.y, load_rate.z];
         for i in 0..CABLES {
-            let (plane, state) = (&planes[i], &states[i]);
-            let (e, r) = (&plane.direction, &plane.lever_arm);
-            let turn = twist.angular_rad_s.cross(r);
-            let v = twist.linear_m_s + turn * arm_m;
-            let end = Vector2::new(e.x * v.x + e.y * v.y, v.z);
-            ends[i] = end;
-            // The plane turns: the horizontal force with it.
-            let sideways = e.x * v.y - e.y * v.x;
-            let swing = if plane.x_m > T::zero() {
-                state.force_n.x * (sideways / plane.x_m)
-            } else {
-                T::zero()
-            };
-            let in_plane = curves[i].force_by_end(&end);
-            let rate = -Vector3::new(
-                in_plane.x * e.x - swing * e.y,
-                in_plane.x * e.y + swing * e.x,
-                in_plane.y,
+            let Linear { plane, curve, force_n, rest_length_m, hanging, end_m_s } = &mut linear[i];
+            *force_n -= curve.tangent * back_n[i];
+            *rest_length_m -= curve.length_per_force_m_n * back_n[i];
+            let weight_n_m = robot.cables()[i].model.weight_n_m();
+            *hanging = Hanging::new(weight_n_m, force_n, *rest_length_m);
+            tensions_n += hanging.tension_n + hanging.anchor_tension_n;
+            let horizontal_n = force_n.x.abs();
+            change.add(
+                &M::SHAPE,
+                weight_n_m,
+                plane,
+                curve,
+                horizontal_n,
+                hanging,
+                *rest_length_m,
+                moved,
+                radius_n,
             );
-            let force =
-                -Vector3::new(state.force_n.x * e.x, state.force_n.x * e.y, state.force_n.y);
-            let moment = r.cross(&rate) + turn.cross(&force);
-            sum += Vector6::new(rate.x, rate.y, rate.z, moment.x, moment.y, moment.z);
+            *end_m_s = add_rate(&mut rate, plane, curve, force_n, twist, arm_m);
         }
-        let along_n_s = inverse.times(&-sum);
-        core::array::from_fn(|i| {
-            let curve = &curves[i];
-            CableRate {
-                force_n_s: curve.force_by_end(&ends[i]) + curve.tangent * along_n_s[i],
-                rest_length_m_s: curve.length_by_end_m(&ends[i])
-                    + curve.length_per_force_m_n * along_n_s[i],
+        let back_n_s = inverse.times(&rate);
+        let certificate = match change.certify(inverse_norm, &newton, radius_n, moved) {
+            Ok(certificate) => certificate,
+            Err(contraction) if purpose != Purpose::Start => {
+                return Err(Refusal::Unproven { contraction });
             }
-        })
+            Err(_) => Certificate::none(),
+        };
+        let distance = T::one() / inverse_norm;
+        let imbalance_n = sum.iter().fold(T::zero(), |most, c| most.max(c.abs()));
+        if purpose == Purpose::Command {
+            let check = || {
+                settings.check_distance(distance, now.command.distance)?;
+                settings.check_error(&certificate, closure_m, imbalance_n)
+            };
+            check().map_err(Refusal::Fault)?;
+            for (i, (next, limits)) in linear.iter().zip(&settings.cables).enumerate() {
+                let rate_m_s = next.rest_length_rate_m_s(back_n_s[i]);
+                limits
+                    .check(i, next.rest_length_m, rate_m_s, &next.hanging)
+                    .map_err(Refusal::Fault)?;
+            }
+        }
+        for (i, (cable, next)) in now.command.cables.iter_mut().zip(&linear).enumerate() {
+            let (curve, hanging) = (&next.curve, &next.hanging);
+            cable.rest_length_m = next.rest_length_m;
+            cable.rest_length_rate_m_s = next.rest_length_rate_m_s(back_n_s[i]);
+            cable.direction = next.plane.direction;
+            cable.force_n = next.force_n;
+            cable.force_rate_n_s = curve.force_by_end(&next.end_m_s) - curve.tangent * back_n_s[i];
+            cable.anchor_force_n = Vector2::new(next.force_n.x, hanging.anchor_vertical_n);
+            cable.tension_n = hanging.tension_n;
+            cable.anchor_tension_n = hanging.anchor_tension_n;
+            cable.is_slack = next.force_n.y > T::zero() && hanging.anchor_vertical_n < T::zero();
+        }
+        now.pose = *pose;
+        let command = &mut now.command;
+        command.certificate = certificate;
+        command.distance = distance;
+        command.closure_m = closure_m;
+        command.imbalance_n = imbalance_n;
+        command.parts = 1;
+        Ok((newton.step_n, tensions_n))
     }
-}
 
-impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     /// Refuses a set-point that is not finite or too far away; else how far the move is.
     fn check(&self, set_point: &SetPoint<T>) -> Result<Move<T>, Fault<T>> {
-        let twist = &set_point.twist;
-        let (linear_m_s, angular_rad_s) = (norm3(&twist.linear_m_s), norm3(&twist.angular_rad_s));
-        let (distance_m, lever_arm) = self.solution.pose.apart(&set_point.pose);
-        let turn_m = lever_arm * self.robot.moment_arm_m();
-        let largest = self.settings.largest_move_m;
-        let way_m =
-            (linear_m_s + angular_rad_s * self.robot.moment_arm_m()) * self.settings.period_s;
-        let sum = distance_m + turn_m + way_m;
-        if !sum.is_finite() {
+        let (twist, arm_m) = (&set_point.twist, self.robot.moment_arm_m());
+        let (distance_m, lever_arm) = self.now.pose.apart(&set_point.pose);
+        let turn_m = lever_arm * arm_m;
+        let period_s = self.settings.period_s;
+        let way_m = norm3(&twist.linear_m_s) * period_s;
+        let way_turning_m = norm3(&twist.angular_rad_s) * arm_m * period_s;
+        if !(distance_m + turn_m + way_m + way_turning_m).is_finite() {
             return Err(Fault::NonFiniteSetPoint);
         }
-        if distance_m > largest || turn_m > largest || way_m > largest + largest {
-            return Err(Fault::JumpingSetPoint {
-                distance_m: distance_m.max(linear_m_s * self.settings.period_s),
-                turn_m: turn_m.max(way_m - linear_m_s * self.settings.period_s),
-            });
+        // What the twist promises for the next tick must be possible as well.
+        let (distance_m, turn_m) = (distance_m.max(way_m), turn_m.max(way_turning_m));
+        let largest_m = self.settings.largest_move_m;
+        if distance_m <= largest_m && turn_m <= largest_m {
+            Ok(Move { attachment_m: distance_m + turn_m, lever_arm })
+        } else {
+            Err(Fault::JumpingSetPoint { distance_m, turn_m })
         }
-        Ok(Move { attachment_m: distance_m + turn_m, lever_arm })
-    }
-
-    /// Makes a certified solution the present one, unless it is beyond a limit.
-    fn accept(&mut self, next: Solution<T>, parts: u8) -> Result<(), Fault<T>> {
-        let settings = &self.settings;
-        let (now, before) = (next.distance, self.solution.distance);
-        if !(now >= settings.least_distance) {
-            return Err(Fault::NearSingularity { distance: now });
-        }
-        // Towards a fold the square of the distance falls linearly with time.
-        let lost = before * before - now * now;
-        if lost > T::zero() {
-            let time_s = now * now * settings.period_s / lost;
-            if time_s < settings.fold_horizon_s {
-                return Err(Fault::FoldAhead { time_s });
-            }
-        }
-        if !(next.certificate.existence_radius_n <= settings.largest_error_n) {
-            return Err(Fault::ResidualNotMet {
-                closure_m: next.closure_m,
-                imbalance_n: next.imbalance_n,
-            });
-        }
-        let mut cables = self.command.cables;
-        for i in 0..CABLES {
-            let weight_n_m = self.robot.cables()[i].model.weight_n_m();
-            cables[i] = CableCommand::new(weight_n_m, &next.states[i], &next.rates[i]);
-            settings.cables[i].check(i, &cables[i])?;
-        }
-        self.command = Command {
-            cables,
-            certificate: next.certificate,
-            distance: now,
-            closure_m: next.closure_m,
-            imbalance_n: next.imbalance_n,
-            parts,
-        };
-        self.solution = next;
-        Ok(())
     }
 
     /// The last certified command.
     pub fn command(&self) -> &Command<T> {
-        &self.command
+        &self.now.command
     }
 
     /// The pose of the last certified command.
     pub fn pose(&self) -> &Pose<T> {
-        &self.solution.pose
+        &self.now.pose
     }
 
     /// Rate and limits.
@@ -505,23 +437,87 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     }
 }
 
+/// Adds how the wrench of a cable changes with time when the coordinates along the curves are held: the
+/// equations of balance, differentiated. Returns the velocity of the attachment in the plane of the cable.
+#[inline]
+fn add_rate<T: Real>(
+    sum: &mut [T; CABLES],
+    plane: &CablePlane<T>,
+    curve: &CurvePoint<T>,
+    force_n: &Vector2<T>,
+    twist: &Twist<T>,
+    arm_m: T,
+) -> Vector2<T> {
+    let (e, r) = (&plane.direction, &plane.lever_arm);
+    let turn = twist.angular_rad_s.cross(r);
+    let v = twist.linear_m_s + turn * arm_m;
+    let end = Vector2::new(e.x * v.x + e.y * v.y, v.z);
+    // The plane turns, and the horizontal force with it.
+    let sideways = e.x * v.y - e.y * v.x;
+    let swing = if plane.x_m > T::zero() { force_n.x * (sideways / plane.x_m) } else { T::zero() };
+    let across = curve.force_by_end(&end);
+    let rate = -Vector3::new(across.x * e.x - swing * e.y, across.x * e.y + swing * e.x, across.y);
+    let force = -Vector3::new(force_n.x * e.x, force_n.x * e.y, force_n.y);
+    let moment = r.cross(&rate) + turn.cross(&force);
+    add(sum, &Vector6::new(rate.x, rate.y, rate.z, moment.x, moment.y, moment.z));
+    end
+}
+
+/// Which part of the equations is singular.
+#[cold]
+fn why_singular<T: Real>(linear: &[Linear<T>; CABLES]) -> Fault<T> {
+    Fault::Step(match linear.iter().position(|cable| !cable.curve.is_finite()) {
+        Some(cable) => StepFault::SingularCable(cable),
+        None => StepFault::SingularStatics,
+    })
+}
+
+#[inline]
+fn add<T: Real>(sum: &mut [T; CABLES], wrench: &Vector6<T>) {
+    for i in 0..CABLES {
+        sum[i] += wrench[i];
+    }
+}
+
+/// Euclidean norm.
+#[inline]
+fn norm<T: Real>(vector: &[T; CABLES]) -> T {
+    vector.iter().fold(T::zero(), |sum, c| sum + *c * *c).sqrt()
+}
+
 impl<T: Real> CableLimits<T> {
-    /// Whether `command` keeps the limits of this cable, the one of number `cable`.
-    fn check(&self, cable: usize, command: &CableCommand<T>) -> Result<(), Fault<T>> {
-        let rest_length_m = command.rest_length_m;
-        // Each written so that NaN fails.
+    /// The same, but where there is none, that of the number type: nothing infinite is commanded.
+    fn finite(&self) -> Self {
+        Self {
+            shortest_m: self.shortest_m.max(T::TINY),
+            longest_m: self.longest_m.min(T::HUGE),
+            fastest_m_s: self.fastest_m_s.min(T::HUGE),
+            lowest_tension_n: self.lowest_tension_n.max(T::zero()),
+            highest_tension_n: self.highest_tension_n.min(T::HUGE),
+        }
+    }
+
+    /// Refuses what is beyond the limits of this cable, the one of number `cable`.
+    #[inline]
+    fn check(
+        &self,
+        cable: usize,
+        rest_length_m: T,
+        speed_m_s: T,
+        hanging: &Hanging<T>,
+    ) -> Result<(), Fault<T>> {
+        // Each is written so that NaN fails.
         if !(rest_length_m >= self.shortest_m && rest_length_m <= self.longest_m) {
             return Err(Fault::LengthBeyondWinch { cable, rest_length_m });
         }
-        let speed_m_s = command.rest_length_rate_m_s;
         if !(speed_m_s.abs() <= self.fastest_m_s) {
             return Err(Fault::SpeedBeyondWinch { cable, speed_m_s });
         }
-        let (at_anchor, at_attachment) = (command.anchor_tension_n, command.tension_n);
-        if !(at_anchor >= self.lowest_tension_n) {
-            return Err(Fault::TensionBelow { cable, tension_n: at_anchor });
+        let tension_n = hanging.anchor_tension_n;
+        if !(tension_n >= self.lowest_tension_n) {
+            return Err(Fault::TensionBelow { cable, tension_n });
         }
-        let tension_n = at_anchor.max(at_attachment);
+        let tension_n = tension_n.max(hanging.tension_n);
         if !(tension_n <= self.highest_tension_n) {
             return Err(Fault::TensionAbove { cable, tension_n });
         }
@@ -529,49 +525,104 @@ impl<T: Real> CableLimits<T> {
     }
 }
 
-impl<T: Real> CableCommand<T> {
+impl<T: Real> TrackerSettings<T> {
+    /// Refuses a solution near a singularity, and one on the way to a fold; `before` is the distance of
+    /// the last one.
     #[inline]
-    fn new(weight_n_m: T, state: &CableState<T>, rate: &CableRate<T>) -> Self {
-        let weight_n = weight_n_m * state.rest_length_m;
-        let anchor_force_n = Vector2::new(state.force_n.x, state.force_n.y - weight_n);
-        Self {
-            rest_length_m: state.rest_length_m,
-            rest_length_rate_m_s: rate.rest_length_m_s,
-            force_n: state.force_n,
-            anchor_force_n,
-            tension_n: T::hypot_with_excess(state.force_n.x, state.force_n.y).0,
-            anchor_tension_n: T::hypot_with_excess(anchor_force_n.x, anchor_force_n.y).0,
-            is_slack: state.force_n.y > T::zero() && anchor_force_n.y < T::zero(),
+    fn check_distance(&self, distance: T, before: T) -> Result<(), Fault<T>> {
+        if !(distance >= self.least_distance) {
+            return Err(Fault::NearSingularity { distance });
+        }
+        // Towards a fold the square of the distance falls linearly with time.
+        let (square, lost) = (distance * distance, before * before - distance * distance);
+        if square * self.period_s < lost * self.fold_horizon_s {
+            return Err(Fault::FoldAhead { time_s: square * self.period_s / lost });
+        }
+        Ok(())
+    }
+
+    /// Refuses a solution that rounding leaves too far from the true one.
+    #[inline]
+    fn check_error(
+        &self,
+        certificate: &Certificate<T>,
+        closure_m: T,
+        imbalance_n: T,
+    ) -> Result<(), Fault<T>> {
+        if certificate.existence_radius_n <= self.largest_error_n {
+            Ok(())
+        } else {
+            Err(Fault::ResidualNotMet { closure_m, imbalance_n })
         }
     }
 }
 
-impl<T: Real> Command<T> {
-    /// A place for a command, not one to be followed.
+/// A cable linearised at its prediction, and then after the Newton step.
+#[derive(Clone, Copy, Debug)]
+struct Linear<T: Scalar> {
+    plane: CablePlane<T>,
+    curve: CurvePoint<T>,
+    force_n: Vector2<T>,
+    rest_length_m: T,
+    hanging: Hanging<T>,
+    /// Velocity of the attachment in the plane of the cable, m/s.
+    end_m_s: Vector2<T>,
+}
+
+impl<T: Real> Linear<T> {
+    /// A place for one.
+    #[inline]
     fn none() -> Self {
         let (zero, none) = (T::zero(), Vector2::new(T::zero(), T::zero()));
-        let cable = CableCommand {
-            rest_length_m: zero,
-            rest_length_rate_m_s: zero,
-            force_n: none,
-            anchor_force_n: none,
-            tension_n: zero,
-            anchor_tension_n: zero,
-            is_slack: false,
-        };
         Self {
-            cables: [cable; CABLES],
+            plane: CablePlane {
+                x_m: zero,
+                z_m: zero,
+                direction: none,
+                lever_arm: Vector3::new(zero, zero, zero),
+            },
+            curve: CurvePoint {
+                tangent: none,
+                length_per_force_m_n: zero,
+                normal_force_by_end_n_m: none,
+                length_by_end: none,
+                gap_m: none,
+            },
+            force_n: none,
+            rest_length_m: zero,
+            hanging: Hanging { tension_n: zero, anchor_tension_n: zero, anchor_vertical_n: zero },
+            end_m_s: none,
+        }
+    }
+
+    /// Rate of the rest length, going back along the curve at `back_n_s`.
+    #[inline]
+    fn rest_length_rate_m_s(&self, back_n_s: T) -> T {
+        self.curve.length_by_end_m(&self.end_m_s) - self.curve.length_per_force_m_n * back_n_s
+    }
+}
+
+impl<T: Real> Command<T> {
+    /// At rest with these forces and rest lengths; nothing is proven of it.
+    fn at(states: &[CableState<T>; CABLES]) -> Self {
+        let (zero, none) = (T::zero(), Vector2::new(T::zero(), T::zero()));
+        Self {
+            cables: states.map(|state| CableCommand {
+                rest_length_m: state.rest_length_m,
+                rest_length_rate_m_s: zero,
+                direction: Vector2::new(T::one(), zero),
+                force_n: state.force_n,
+                force_rate_n_s: none,
+                anchor_force_n: none,
+                tension_n: zero,
+                anchor_tension_n: zero,
+                is_slack: false,
+            }),
             certificate: Certificate::none(),
             distance: zero,
             closure_m: zero,
             imbalance_n: zero,
             parts: 0,
         }
-    }
-}
-
-impl<T: Real> CableRate<T> {
-    fn still() -> Self {
-        Self { force_n_s: Vector2::new(T::zero(), T::zero()), rest_length_m_s: T::zero() }
     }
 }

@@ -56,7 +56,7 @@ use self::motion::{at_rest, smooth_step, whole_ticks};
 use self::outlook::Outlook;
 use self::path::{Clock, Path, Progress};
 use crate::{
-    CABLES, ShapedCable, CableState, Fault, Load, Real, Remedy, Robot, Scalar, SetPoint, Tracker,
+    CABLES, CableState, Fault, Load, Real, Remedy, Robot, Scalar, SetPoint, ShapedCable, Tracker,
     TrackerSettings,
 };
 
