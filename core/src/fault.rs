@@ -74,7 +74,7 @@ pub enum Fault<T> {
     /// That the solution belongs to the branch could not be proven, not even in the smallest steps.
     /// Go slower, or back.
     NotCertified {
-        /// Contraction that was found; below one half is needed.
+        /// Contraction that was found; at most 0.45 is needed, and cables that stay near where they are.
         contraction: T,
     },
 }

@@ -22,36 +22,35 @@
 //!
 //! The modules follow the flow of data:
 //! [`scalar`] → [`geometry`] and [`wrench`] → [`cable`] models → [`mod@line`] (one cable by itself) →
-//! [`force_curve`] → [`statics`] → [`elimination`] → [`newton`].
+//! [`force_curve`] → [`statics`] → [`elimination`] → [`newton`] → [`certificate`] → [`tracker`] →
+//! [`controller`] → [`winch`]. What goes wrong is a [`Fault`](fault).
 //!
 //! # Use
 //!
-//! What a controller does at each tick, from the forces and rest lengths of the last one:
+//! A [`Tracker`] follows one branch of the solutions from tick to tick and proves at each that it has
+//! not left it:
 //!
 //! ```
-//! use cdpr_core::statics::Balance;
-//! use cdpr_core::{
-//!     CABLES, CableState, GeometryFault, IrvineCatenary, Load, NewtonStep, Pose, Robot, StepFault,
-//! };
-//!
-//! enum Fault {
-//!     Pose(GeometryFault),
-//!     Step(StepFault),
-//! }
+//! use cdpr_core::{Command, Fault, IrvineCatenary, Remedy, SetPoint, Tracker};
 //!
 //! fn tick(
-//!     robot: &Robot<f32, IrvineCatenary<f32>>,
-//!     load: &Load<f32>,
-//!     last: &Balance<f32>,
-//!     pose: &Pose<f32>,
-//!     states: &mut [CableState<f32>; CABLES],
-//! ) -> Result<Balance<f32>, Fault> {
-//!     let balance = last.at_next(robot, load, pose).map_err(Fault::Pose)?; // planes of the cables
-//!     let step = NewtonStep::new(robot, &balance, states).map_err(Fault::Step)?; // one elimination
-//!     *states = step.states; // forces and rest lengths; see step.relative_change
-//!     Ok(balance)
+//!     tracker: &mut Tracker<f32, IrvineCatenary<f32>>,
+//!     set_point: &SetPoint<f32>, // pose, and its rate of change
+//! ) -> Result<(), Remedy> {
+//!     let command: &Command<f32> = tracker.tick(set_point).map_err(|fault: Fault<f32>| {
+//!         // Nothing has changed: tracker.command() still holds the last certified lengths.
+//!         fault.remedy()
+//!     })?;
+//!     for cable in &command.cables {
+//!         let (_length_m, _rate_m_s) = (cable.rest_length_m, cable.rest_length_rate_m_s);
+//!     }
+//!     Ok(())
 //! }
 //! ```
+//!
+//! Around it, a [`Controller`] makes motions between coarse way-points, halts, holds and watches, and a
+//! [`Winch`] turns rest lengths into steps and speeds of a drive. For a single solution of a pose, from
+//! a guess, there is [`newton::converge`].
 //!
 //! SI units everywhere: m, N, kg, rad, s. Raw scalars carry their unit in the name.
 

@@ -7,8 +7,8 @@ use crate::elimination::Square;
 use crate::geometry::norm3;
 use crate::statics;
 use crate::{
-    CABLES, CablePlane, CableState, Certificate, CurvePoint, Fault, Load, Pose, Real, Robot,
-    Scalar, ShapedCable, StepFault,
+    CABLES, CableModel, CablePlane, CableState, Certificate, CurvePoint, Fault, Load, Pose, Real,
+    Robot, Scalar, ShapedCable, StepFault,
 };
 
 /// Velocity of the platform: of its origin, and of turning, world axes.
@@ -290,25 +290,17 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         let mut linear = [Linear::place(); CABLES];
         for i in 0..CABLES {
             let (last, fixed) = (&now.command.cables[i], &robot.cables()[i]);
-            let plane = CablePlane::new(robot, fixed, pose, last.direction);
-            let predicted = last.force_rate_n_s * time_s;
-            let force_n = last.force_n + predicted;
-            let rest_length_m = last.rest_length_m + last.rest_length_rate_m_s * time_s;
-            let end = fixed.model.end_point(force_n, rest_length_m);
-            let curve = CurvePoint::new(&end, plane.x_m, plane.z_m);
+            let next = &mut linear[i];
+            next.plane = CablePlane::new(robot, fixed, pose, last.direction);
+            let predicted = next.predict(&fixed.model, last, time_s);
+            let (plane, curve) = (&next.plane, &next.curve);
             let gap_m = curve.gap_m.x.abs() + curve.gap_m.y.abs();
             closure_m = closure_m.max(gap_m);
-            rounding_n += rounding(&curve, &force_n, rest_length_m + size_m);
+            rounding_n += rounding(curve, &next.force_n, next.rest_length_m + size_m);
             let along = predicted.x * curve.tangent.x + predicted.y * curve.tangent.y;
             behind_sq += along * along;
-            let on_curve_n = force_n + curve.correction_n();
-            add(&mut sum, &plane.wrench_n(&on_curve_n));
+            add(&mut sum, &plane.wrench_n(&next.force_n));
             inverse.columns[i] = plane.wrench_n(&curve.tangent).data.0[0];
-            let next = &mut linear[i];
-            next.plane = plane;
-            next.curve = curve;
-            next.force_n = on_curve_n;
-            next.rest_length_m = rest_length_m + curve.length_correction_m();
         }
         if !inverse.invert() {
             return Err(Refusal::Fault(why_singular(&linear)));
@@ -373,18 +365,7 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                     .map_err(Refusal::Fault)?;
             }
         }
-        for (i, (cable, next)) in now.command.cables.iter_mut().zip(&linear).enumerate() {
-            let (curve, hanging) = (&next.curve, &next.hanging);
-            cable.rest_length_m = next.rest_length_m;
-            cable.rest_length_rate_m_s = next.rest_length_rate_m_s(back_n_s[i]);
-            cable.direction = next.plane.direction;
-            cable.force_n = next.force_n;
-            cable.force_rate_n_s = curve.force_by_end(&next.end_m_s) - curve.tangent * back_n_s[i];
-            cable.anchor_force_n = Vector2::new(next.force_n.x, hanging.anchor_vertical_n);
-            cable.tension_n = hanging.tension_n;
-            cable.anchor_tension_n = hanging.anchor_tension_n;
-            cable.is_slack = next.force_n.y > T::zero() && hanging.anchor_vertical_n < T::zero();
-        }
+        now.command.take(&linear, &back_n_s);
         now.pose = *pose;
         let command = &mut now.command;
         command.certificate = certificate;
@@ -506,19 +487,23 @@ impl<T: Real> CableLimits<T> {
         speed_m_s: T,
         hanging: &Hanging<T>,
     ) -> Result<(), Fault<T>> {
-        // Each is written so that NaN fails.
-        if !(rest_length_m >= self.shortest_m && rest_length_m <= self.longest_m) {
+        // Each is false for NaN.
+        let fits = rest_length_m >= self.shortest_m && rest_length_m <= self.longest_m;
+        if !fits {
             return Err(Fault::LengthBeyondWinch { cable, rest_length_m });
         }
-        if !(speed_m_s.abs() <= self.fastest_m_s) {
+        let in_time = speed_m_s.abs() <= self.fastest_m_s;
+        if !in_time {
             return Err(Fault::SpeedBeyondWinch { cable, speed_m_s });
         }
         let tension_n = hanging.anchor_tension_n;
-        if !(tension_n >= self.lowest_tension_n) {
+        let is_tight = tension_n >= self.lowest_tension_n;
+        if !is_tight {
             return Err(Fault::TensionBelow { cable, tension_n });
         }
         let tension_n = tension_n.max(hanging.tension_n);
-        if !(tension_n <= self.highest_tension_n) {
+        let holds = tension_n <= self.highest_tension_n;
+        if !holds {
             return Err(Fault::TensionAbove { cable, tension_n });
         }
         Ok(())
@@ -530,7 +515,8 @@ impl<T: Real> TrackerSettings<T> {
     /// the last one.
     #[inline]
     fn check_distance(&self, distance: T, before: T) -> Result<(), Fault<T>> {
-        if !(distance >= self.least_distance) {
+        let is_apart = distance >= self.least_distance; // false for NaN
+        if !is_apart {
             return Err(Fault::NearSingularity { distance });
         }
         // Towards a fold the square of the distance falls linearly with time.
@@ -596,6 +582,26 @@ impl<T: Real> Linear<T> {
         }
     }
 
+    /// Predicts by the rates of the last command, linearises there, and goes the shortest way back to
+    /// the curve. Returns the predicted change of the force, N.
+    #[inline]
+    fn predict<M: CableModel<T>>(
+        &mut self,
+        model: &M,
+        last: &CableCommand<T>,
+        time_s: T,
+    ) -> Vector2<T> {
+        let predicted = last.force_rate_n_s * time_s;
+        let force_n = last.force_n + predicted;
+        let rest_length_m = last.rest_length_m + last.rest_length_rate_m_s * time_s;
+        let end = model.end_point(force_n, rest_length_m);
+        let curve = CurvePoint::new(&end, self.plane.x_m, self.plane.z_m);
+        self.force_n = force_n + curve.correction_n();
+        self.rest_length_m = rest_length_m + curve.length_correction_m();
+        self.curve = curve;
+        predicted
+    }
+
     /// Rate of the rest length, going back along the curve at `back_n_s`.
     #[inline]
     fn rest_length_rate_m_s(&self, back_n_s: T) -> T {
@@ -604,6 +610,23 @@ impl<T: Real> Linear<T> {
 }
 
 impl<T: Real> Command<T> {
+    /// Takes over what was found of the cables, going back along the curves at `back_n_s`.
+    #[inline]
+    fn take(&mut self, linear: &[Linear<T>; CABLES], back_n_s: &[T; CABLES]) {
+        for (i, (cable, next)) in self.cables.iter_mut().zip(linear).enumerate() {
+            let (curve, hanging) = (&next.curve, &next.hanging);
+            cable.rest_length_m = next.rest_length_m;
+            cable.rest_length_rate_m_s = next.rest_length_rate_m_s(back_n_s[i]);
+            cable.direction = next.plane.direction;
+            cable.force_n = next.force_n;
+            cable.force_rate_n_s = curve.force_by_end(&next.end_m_s) - curve.tangent * back_n_s[i];
+            cable.anchor_force_n = Vector2::new(next.force_n.x, hanging.anchor_vertical_n);
+            cable.tension_n = hanging.tension_n;
+            cable.anchor_tension_n = hanging.anchor_tension_n;
+            cable.is_slack = next.force_n.y > T::zero() && hanging.anchor_vertical_n < T::zero();
+        }
+    }
+
     /// At rest with these forces and rest lengths; nothing is proven of it.
     fn at(states: &[CableState<T>; CABLES]) -> Self {
         let (zero, none) = (T::zero(), Vector2::new(T::zero(), T::zero()));
