@@ -81,7 +81,6 @@ fn host_computes_what_rust_does() {
 }
 
 #[test]
-#[ignore = "needs arm-none-eabi-gcc and qemu-system-arm: see tests/run"]
 fn firmware_computes_what_rust_does() {
     let library =
         build(&["--release", "--target", TARGET]).join(TARGET).join("release/libcdpr_core_c.a");
@@ -172,6 +171,7 @@ fn ticks() -> Vec<[f32; CABLES]> {
         largest_move_m: 0.01,
         least_distance: 1e-4,
         fold_horizon_s: 0.1,
+        largest_error_n: 1.0,
         cables: [winch; CABLES],
     };
     let states = [

@@ -29,6 +29,7 @@ static const cdpr_f32_settings settings = {
     .largest_move_m = 0.01f,
     .least_distance = 1e-4f,
     .fold_horizon_s = 0.1f,
+    .largest_error_n = 1.0f,
     .cables = {WINCH, WINCH, WINCH, WINCH, WINCH, WINCH},
 };
 

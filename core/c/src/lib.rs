@@ -435,6 +435,7 @@ mod tests {
         largest_move_m: 0.01,
         least_distance: 1e-4,
         fold_horizon_s: 0.1,
+        largest_error_n: 1.0,
         cables: [CableLimits {
             shortest_m: 1.0,
             longest_m: 50.0,
