@@ -14,10 +14,11 @@
 //!
 //! # Theorem
 //!
-//! (Banach, with a parameter.) Let `|A Phi_s(0)| <= eta` and `|A Phi_s' - I| <= k <= 1/2` for all `s`
-//! and all `|p| <= 2 eta`. Then for every `s` there is exactly one solution in that ball, it depends
-//! continuously on `s`, and the solution at `s = 0` is the one before if that one lies in the ball: the
-//! two ends belong to one branch. Norms are Euclidean; `|A|` is the Frobenius norm.
+//! (Banach, with a parameter.) Let `c(s)` go straight from the last solution to 0. Let `|A Phi_s(c(s))| <=
+//! eta` and, for all `|p - c(s)| <= 2 eta`, `|A Phi_s'(p) - I| <= k <= 1/2`, for all `s`. Then for every `s`
+//! there is exactly one solution in that ball, which depends continuously on `s`; at `s = 0` it is the
+//! last solution, if that is known to be in its ball: the two ends belong to one branch. Norms are
+//! Euclidean; `|A|` is the Frobenius norm.
 //!
 //! # Bounds
 //!
@@ -26,11 +27,12 @@
 //! the attachment, in the plane and with the plane), and because the lever arm moves. With a lever arm
 //! below 1 (moments are over the largest one) a unit force has a wrench of at most `sqrt 2`. How much a
 //! curve can bend and move is a property of the cable model, its [`CurveShape`]. The bounds hold over
-//! the whole ball and all poses in between, not only at the point: within the trusted region, where
-//! no end tension changes by more than a sixteenth, they are taken at their worst.
+//! the whole tube of balls and all poses in between, not only at the point: within the trusted region,
+//! where no end tension changes by more than a sixteenth, they are taken at their worst.
 //!
-//! `A Phi_s(0)` is the Newton step at `s = 1`; at `s = 0` it is at most `1 + k` times the distance of the
-//! last solution; in between it is no more than at both ends but for its second derivative in `s`.
+//! `A Phi_s(c(s))` is the Newton step at `s = 1`; at `s = 0` it is at most `1 + k` times what the last
+//! solution is off; in between it is no more than at both ends but for an eighth of its second
+//! derivative in `s`, which the same bounds give.
 
 use core::f64::consts::SQRT_2;
 
@@ -169,10 +171,12 @@ impl<T: Real> Hanging<T> {
 /// Sums over the cables of what may change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Change<T> {
-    /// Sum of the squares of the curvatures, 1/N^2.
-    curvature_sq: T,
-    /// Square of its change by the move.
-    by_move_sq: T,
+    /// Square of the change of the matrix per newton, at the new pose, 1/N^2.
+    bend_sq: T,
+    /// Square of its change over the tube and the move.
+    column_sq: T,
+    /// Change of the wrench of second order along the tube, N.
+    path_n: T,
     /// Change of the wrench of second order over the move, per metre of it, N/m.
     second_n: T,
     /// And by the way back to the curves, N.
@@ -185,16 +189,17 @@ impl<T: Real> Change<T> {
     #[inline]
     pub(crate) fn new() -> Self {
         Self {
-            curvature_sq: T::zero(),
-            by_move_sq: T::zero(),
+            bend_sq: T::zero(),
+            column_sq: T::zero(),
+            path_n: T::zero(),
             second_n: T::zero(),
             gap_n: T::zero(),
             is_trusted: true,
         }
     }
 
-    /// Adds a cable whose coordinate stays within `radius_n`.
-    /// Adds a cable, hanging as in `cable` after the Newton step, whose coordinate stays within `radius_n`.
+    /// Adds a cable, hanging as in `cable` after the Newton step, which has come `along_n` along its
+    /// curve, in a tube of `radius_n`.
     #[inline]
     #[allow(clippy::too_many_arguments)] // all that is known of a cable
     pub(crate) fn add(
@@ -207,6 +212,7 @@ impl<T: Real> Change<T> {
         cable: &Hanging<T>,
         rest_length_m: T,
         moved: &Move<T>,
+        along_n: T,
         radius_n: T,
     ) {
         let (one, two, moved_m) = (T::one(), T::constant(2.0), moved.attachment_m);
@@ -219,9 +225,12 @@ impl<T: Real> Change<T> {
         let response = T::constant(shape.response * RESPONSE_OVER_REGION) * tensions_n / room_m;
         let gap_m = curve.gap_m.x.abs() + curve.gap_m.y.abs();
         let way_m = moved_m + gap_m;
-        // Both end forces stay within this of their places: the ball is around where the Newton step
+        let extent = along_n + radius_n;
+        // Both end forces stay within this of their places: the tube ends around where the Newton step
         // began, at most half of its radius away.
-        let reach = T::constant(2.1) * radius_n + two * (response + weight_n_m) * way_m;
+        let reach = T::constant(1.6) * extent
+            + T::constant(0.5) * radius_n
+            + two * (response + weight_n_m) * way_m;
         let beside_m = plane.x_m - two * moved_m; // so that there is room, too
         let hangs = plane.z_m <= T::zero() || weight_n <= T::constant(0.7) * tensions_n;
         self.is_trusted = self.is_trusted
@@ -239,10 +248,13 @@ impl<T: Real> Change<T> {
         let swing = response * per_tension;
         let turn = T::constant(16.0 / 15.0 * shape.turn / shape.response) * swing * way_m;
         let with_plane =
-            (curve.tangent.x.abs() + turn + curvature * radius_n) * (moved_m * per_beside);
+            (curve.tangent.x.abs() + turn + curvature * extent) * (moved_m * per_beside);
         let column = T::constant(SQRT_2) * (turn + with_plane) + moved.lever_arm;
-        self.curvature_sq += curvature * curvature;
-        self.by_move_sq += column * column;
+        let bend = T::constant(SQRT_2) * curvature;
+        let total = column + bend * extent;
+        self.bend_sq += bend * bend;
+        self.column_sq += total * total;
+        self.path_n += along_n * (bend * along_n + two * column);
         // Of second order: the response itself changes, and the plane turns around the anchor.
         let second = T::constant(16.0 / 15.0 * shape.second)
             * (response * swing + weight_n_m * weight_n_m * per_tension)
@@ -266,14 +278,15 @@ impl<T: Real> Change<T> {
         let (one, two) = (T::one(), T::constant(2.0));
         // A function lies between its values at the ends of [0, 1] but for an eighth of its second
         // derivative; a linearisation is off by half of it. A unit force has a wrench of sqrt 2.
-        let second_n =
-            inverse_norm * T::constant(0.125 * SQRT_2) * self.second_n * moved.attachment_m;
+        let second_n = inverse_norm
+            * T::constant(0.125)
+            * (T::constant(SQRT_2) * self.second_n * moved.attachment_m + self.path_n);
         let gap_n = inverse_norm * T::constant(0.5 * SQRT_2) * self.gap_n;
         let rounding_n = inverse_norm * newton.rounding_n;
         let rounded = T::constant(INVERSE_ROUNDING) * T::EPSILON * inverse_norm;
         let eta = newton.bound_n(rounding_n) + second_n + gap_n;
-        let omega = inverse_norm * (two * self.curvature_sq).sqrt();
-        let contraction = inverse_norm * self.by_move_sq.sqrt() + rounded + omega * radius_n;
+        let omega = inverse_norm * self.bend_sq.sqrt();
+        let contraction = inverse_norm * self.column_sq.sqrt() + rounded;
         // All of it is false for NaN.
         let proven = self.is_trusted
             && eta + eta <= radius_n
@@ -299,24 +312,28 @@ impl<T: Real> Change<T> {
 pub(crate) struct NewtonSize<T> {
     /// The Newton step at the new pose.
     pub(crate) step_n: T,
-    /// The way back to the last solution, with what it may be off.
-    pub(crate) behind_n: T,
+    /// The way from the last solution along the curves.
+    pub(crate) along_n: T,
+    /// What the last solution may be off.
+    pub(crate) known_n: T,
     /// Rounding of the residual, as a wrench.
     pub(crate) rounding_n: T,
 }
 
 impl<T: Real> NewtonSize<T> {
-    /// Bound on `|A Phi_s(0)|` at both ends of the move: at the start it is `1 + k` times the way back,
-    /// with `k` below a half.
+    /// Bound on `|A Phi_s|` at both ends of the tube: at the start it is `1 + k` times what the last
+    /// solution is off, with `k` below a half.
     #[inline]
     fn bound_n(&self, rounding_n: T) -> T {
-        (self.step_n + rounding_n).max(self.behind_n * T::constant(1.5))
+        (self.step_n + rounding_n).max(self.known_n * T::constant(1.5))
     }
 
-    /// Radius of the ball: twice the bound, and an eighth for what is of second order.
+    /// Radius of the tube: twice the bound, an eighth of that, and for what is of second order along the
+    /// way, a third of the way.
     #[inline]
     pub(crate) fn radius_n(&self, inverse_norm: T) -> T {
         self.bound_n(inverse_norm * self.rounding_n) * T::constant(2.25)
+            + self.along_n * T::constant(0.35)
     }
 }
 

@@ -284,7 +284,7 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         let Self { robot, load, settings, now } = self;
         let (pose, twist, arm_m) = (&set_point.pose, &set_point.twist, robot.moment_arm_m());
         let mut sum = statics::wrench_n(robot, load, pose);
-        let (mut closure_m, mut rounding_n, mut behind_sq) = (T::zero(), T::zero(), T::zero());
+        let (mut closure_m, mut rounding_n, mut along_sq) = (T::zero(), T::zero(), T::zero());
         let size_m = pose.size_m() + arm_m;
         let mut inverse = Square::new([[T::one(); CABLES]; CABLES]);
         let mut linear = [Linear::place(); CABLES];
@@ -298,7 +298,8 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             closure_m = closure_m.max(gap_m);
             rounding_n += rounding(curve, &next.force_n, next.rest_length_m + size_m);
             let along = predicted.x * curve.tangent.x + predicted.y * curve.tangent.y;
-            behind_sq += along * along;
+            along_sq += along * along;
+            next.along_n = along.abs();
             add(&mut sum, &plane.wrench_n(&next.force_n));
             inverse.columns[i] = plane.wrench_n(&curve.tangent).data.0[0];
         }
@@ -310,9 +311,9 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         let back_n = inverse.times(&sum);
         let newton = NewtonSize {
             step_n: norm(&back_n),
+            along_n: along_sq.sqrt(),
             // The tangents have turned a little since it was found.
-            behind_n: behind_sq.sqrt()
-                + now.command.certificate.existence_radius_n * T::constant(1.25),
+            known_n: now.command.certificate.existence_radius_n * T::constant(1.25),
             rounding_n: rounding_n * T::EPSILON,
         };
         let radius_n = newton.radius_n(inverse_norm);
@@ -322,7 +323,8 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             load.moment_rate_nm_s(pose, &twist.angular_rad_s) * robot.per_moment_arm_m();
         let mut rate = [T::zero(), T::zero(), T::zero(), load_rate.x, load_rate.y, load_rate.z];
         for i in 0..CABLES {
-            let Linear { plane, curve, force_n, rest_length_m, hanging, end_m_s } = &mut linear[i];
+            let Linear { plane, curve, force_n, rest_length_m, along_n, hanging, end_m_s } =
+                &mut linear[i];
             *force_n -= curve.tangent * back_n[i];
             *rest_length_m -= curve.length_per_force_m_n * back_n[i];
             let weight_n_m = robot.cables()[i].model.weight_n_m();
@@ -338,6 +340,7 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                 hanging,
                 *rest_length_m,
                 moved,
+                *along_n,
                 radius_n,
             );
             *end_m_s = add_rate(&mut rate, plane, curve, force_n, twist, arm_m);
@@ -467,14 +470,17 @@ fn norm<T: Real>(vector: &[T; CABLES]) -> T {
 }
 
 impl<T: Real> CableLimits<T> {
-    /// The same, but where there is none, that of the number type: nothing infinite is commanded.
+    /// The same, but where there is none, that of the number type: nothing infinite is commanded. A limit
+    /// that is no number stays so, and nothing keeps it.
     fn finite(&self) -> Self {
+        let least = |limit: T, least: T| if limit < least { least } else { limit };
+        let most = |limit: T| if limit > T::HUGE { T::HUGE } else { limit };
         Self {
-            shortest_m: self.shortest_m.max(T::TINY),
-            longest_m: self.longest_m.min(T::HUGE),
-            fastest_m_s: self.fastest_m_s.min(T::HUGE),
-            lowest_tension_n: self.lowest_tension_n.max(T::zero()),
-            highest_tension_n: self.highest_tension_n.min(T::HUGE),
+            shortest_m: least(self.shortest_m, T::TINY),
+            longest_m: most(self.longest_m),
+            fastest_m_s: most(self.fastest_m_s),
+            lowest_tension_n: least(self.lowest_tension_n, T::zero()),
+            highest_tension_n: most(self.highest_tension_n),
         }
     }
 
@@ -550,6 +556,8 @@ struct Linear<T: Scalar> {
     curve: CurvePoint<T>,
     force_n: Vector2<T>,
     rest_length_m: T,
+    /// The predicted way along the curve, N.
+    along_n: T,
     hanging: Hanging<T>,
     /// Velocity of the attachment in the plane of the cable, m/s.
     end_m_s: Vector2<T>,
@@ -577,6 +585,7 @@ impl<T: Real> Linear<T> {
             },
             force_n: ones,
             rest_length_m: one,
+            along_n: one,
             hanging: Hanging { tension_n: one, anchor_tension_n: one, anchor_vertical_n: one },
             end_m_s: ones,
         }
