@@ -39,8 +39,8 @@ const M4F: Machine = Machine {
     measure: "measure",
     build: &["--release"],
     budget: Budget {
-        tick_instructions: 9_500,
-        tick_stack_bytes: 3 * 1024,
+        tick_instructions: 5_750,
+        tick_stack_bytes: 2 * 1024,
         code_bytes: 24 * 1024,
         ram_bytes: 2 * 1024,
     },
@@ -56,8 +56,8 @@ const M7: Machine = Machine {
         "--config=target.thumbv7em-none-eabihf.rustflags=['-Ctarget-cpu=cortex-m7']",
     ],
     budget: Budget {
-        tick_instructions: 11_500,
-        tick_stack_bytes: 5 * 1024,
+        tick_instructions: 7_300,
+        tick_stack_bytes: 3_700,
         code_bytes: 24 * 1024,
         ram_bytes: 2 * 1024,
     },

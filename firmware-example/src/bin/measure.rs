@@ -13,28 +13,43 @@
 mod image {
     use core::hint::black_box;
 
+    use cdpr_core::controller::{
+        ControllerSettings, MotionLimits, Pace, Queue, Readings, Stance, State, WayPoint,
+    };
     use cdpr_core::statics::Balance;
-    use cdpr_core::{Fault, NewtonStep, StepFault, Tracker};
+    use cdpr_core::winch::{Drum, DrumDesign, MotorAngle, Sense};
+    use cdpr_core::{CABLES, Controller, Fault, NewtonStep, StepFault, Tracker};
     use cdpr_firmware_example::board::{self, COST_UNIT, Counter};
-    use cdpr_firmware_example::control::{Control, start_tracker};
+    use cdpr_firmware_example::control::start_tracker;
     use cdpr_firmware_example::path::{self, Course, Path, TICKS_AROUND};
     use cdpr_firmware_example::plain_step::plain_step;
     use cdpr_firmware_example::robot::{self, Model};
     use cdpr_firmware_example::{Float, stack};
     use defmt::{Display2Format, error, info};
+    use nalgebra::{Quaternion, UnitQuaternion};
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
         let counter = Counter::start();
         let outcome = path("taut path", &counter, path::TAUT)
             .and_then(|()| path("slack path", &counter, path::SLACK))
-            .and_then(|()| steps(&counter));
+            .and_then(|()| steps(&counter))
+            .and_then(|()| winch_commands(&counter));
         if let Err(fault) = &outcome {
             error!("{}", Display2Format(fault));
         }
         info!("tracker: {=usize} bytes of RAM", size_of::<Tracker<Float, Model<Float>>>());
-        info!("controller: {=usize} bytes of RAM", size_of::<Control<Float>>());
-        board::exit(outcome.is_ok())
+        let controls = controller(&counter);
+        if controls.is_none() {
+            error!("the controller does not start");
+        }
+        let controller = size_of::<Controller<Float, Model<Float>, 8>>();
+        let queue = size_of::<Queue<Float, 9>>();
+        info!(
+            "controller: {=usize} bytes of RAM, and {=usize} for 8 way-points",
+            controller, queue
+        );
+        board::exit(outcome.is_ok() && controls.is_some())
     }
 
     /// Every tick once around `course`: the tracker alone, from the set-point to the command.
@@ -69,6 +84,103 @@ mod image {
         }
         info!("{=str}: stack of a tick: {=usize} bytes", name, deepest);
         Ok(())
+    }
+
+    /// Rest lengths and their rates as angles and speeds of six motors.
+    fn winch_commands(counter: &Counter) -> Result<(), Fault<Float>> {
+        let design = DrumDesign {
+            radius_m: 0.05,
+            pitch_m: 0.005,
+            gear: 20.0,
+            sense: Sense::Forward,
+            winding_tension_n: 100.0,
+            compliance_per_n: 8e-7,
+        };
+        let length_m =
+            black_box(robot::start_states::<Float>(&path::TAUT.payload))[0].rest_length_m;
+        let Ok(drum) = Drum::<Float>::new(&design, length_m, MotorAngle::ZERO) else {
+            return Ok(()); // no line is printed, and the test misses it
+        };
+        let drums = black_box([drum; CABLES]);
+        let tracker = start_tracker::<Float>(path::TAUT)?;
+        let command = black_box(*tracker.command());
+        let (angles, cost) = counter.count(|| {
+            let mut angles = [(MotorAngle::ZERO, 0.0); CABLES];
+            for (i, cable) in command.cables.iter().enumerate() {
+                if let Ok(angle) = drums[i].motor_angle(cable.rest_length_m) {
+                    angles[i] = (angle, drums[i].motor_speed_rad_s(cable.rest_length_rate_m_s));
+                }
+            }
+            angles
+        });
+        black_box(angles);
+        info!("winch commands: {=u32} {=str}", cost, COST_UNIT);
+        Ok(())
+    }
+
+    /// A whole tick of the controller: a motion to a way-point and its path, the tracker, monitors of
+    /// lengths, brakes and events.
+    fn controller(counter: &Counter) -> Option<()> {
+        let settings = ControllerSettings {
+            motion: MotionLimits {
+                distance_m: 5.0,
+                speed_m_s: 0.8,
+                acceleration_m_s2: 2.0,
+                jerk_m_s3: 10.0,
+                turn_speed_rad_s: 0.5,
+                turn_acceleration_rad_s2: 1.0,
+                turn_jerk_rad_s3: 5.0,
+            },
+            halt_ticks: 100,
+            stream_ticks: None,
+            align_speed_m_s: 0.1,
+            align_reach_m: 0.05,
+            align_tolerance_m: 1e-3,
+            settle_ticks: 20,
+            following_m: 0.02,
+            brake_ticks: 10,
+            brake_after_ticks: None,
+        };
+        let home = Stance {
+            position_m: robot::start_position_m(),
+            orientation: UnitQuaternion::new_unchecked(Quaternion::new(1.0, 0.0, 0.0, 0.0)),
+        };
+        let mut goal = home;
+        goal.position_m.x += 0.5;
+        let payload = &path::TAUT.payload;
+        let mut controller = Controller::<Float, Model<Float>, 8>::start(
+            robot::crane().ok()?,
+            robot::load(payload),
+            robot::settings(),
+            settings,
+            home,
+            &robot::start_states(payload),
+        )
+        .ok()?;
+        let mut lengths = controller.tracker().command().cables.map(|cable| cable.rest_length_m);
+        let readings =
+            |rest_lengths_m| Readings { rest_lengths_m, failed_winch: None, emergency_stop: false };
+        controller.arm(&readings(lengths)).ok()?;
+        let (mut worst, mut tracked) = (0, 0);
+        for tick in 0..2_000_u32 {
+            let now = readings(lengths);
+            let way_point = match tick {
+                100 => Some(WayPoint::stop(goal, Pace::Share(1.0))),
+                101 => Some(WayPoint::stop(home, Pace::Share(1.0))),
+                _ => None,
+            };
+            let (outputs, cost) = counter.count(|| controller.tick(&now, || way_point));
+            if let Some(targets) = outputs.targets {
+                lengths = targets.map(|target| target.rest_length_m);
+            }
+            worst = worst.max(cost);
+            tracked += u32::from(controller.state() == State::Tracking);
+        }
+        info!(
+            "controller: worst tick: {=u32} {=str}, {=u32} ticks of motion",
+            worst, COST_UNIT, tracked
+        );
+        (tracked > 0).then_some(())
     }
 
     /// Painting the stack takes longer than a tick.

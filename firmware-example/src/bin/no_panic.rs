@@ -1,4 +1,5 @@
-//! An image that links only when nothing in `cdpr-core` can panic.
+//! An image that links only when nothing in the mathematics of `cdpr-core` can panic; for controller and
+//! winches see `no_panic_controller`.
 //!
 //! ```text
 //! cargo build --release --package cdpr-firmware-example --bin no_panic --target thumbv7em-none-eabihf
@@ -23,9 +24,9 @@ mod image {
     use cdpr_core::newton::converge;
     use cdpr_core::statics::Balance;
     use cdpr_core::{
-        CABLES, Cable, CableLimits, CableModel, CablePlane, CableState, CurvePoint, Elimination,
-        Fault, IrvineCatenary, LinearElastic, Load, NewtonStep, NonDeformable, Parabola, Pose,
-        Real, Robot, SetPoint, Tracker, TrackerSettings, Twist,
+        CABLES, Cable, CableLimits, CablePlane, CableState, CurvePoint, Elimination, Fault,
+        IrvineCatenary, LinearElastic, Load, NewtonStep, NonDeformable, Parabola, Pose, Real,
+        Robot, SetPoint, ShapedCable, Tracker, TrackerSettings, Twist,
     };
     use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
 
@@ -157,7 +158,7 @@ mod image {
         let Some(tracker) = told(started) else { return };
         let mut tracker = black_box(tracker);
         let _ = told(tracker.tick(&black_box(set_point)).copied());
-        black_box((tracker.command(), tracker.settings()));
+        black_box((tracker.command(), tracker.settings(), tracker.pose(), tracker.robot()));
     }
 
     fn told<T: Real, R>(outcome: Result<R, Fault<T>>) -> Option<R> {

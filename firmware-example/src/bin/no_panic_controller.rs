@@ -1,0 +1,274 @@
+//! An image that links only when nothing in the controller and the winch layer of `cdpr-core` can panic,
+//! as `no_panic` does for what is below them; see there. The image is never run.
+//!
+//! Errors are not printed: the formatting of floats in Rust's own `core` has assertions, which the
+//! optimizer cannot remove. Firmware logs them by defmt.
+
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::hint::black_box;
+    use core::num::{NonZeroU8, NonZeroU32};
+    use core::panic::PanicInfo;
+
+    use cdpr_core::controller::monitor::{MonitorThresholds, TensionMonitor};
+    use cdpr_core::controller::{
+        Controller, ControllerSettings, MotionLimits, Pace, Readings, Stance, WayPoint,
+    };
+    use cdpr_core::winch::{
+        As5047p, Brake, Countable, Drum, DrumDesign, EmergencyStop, MotorAngle, MotorEncoder,
+        Sense, StepCounter, StepDir, StepDrive, StepLink, StepTiming, VelocityDrive,
+        VelocitySettings, Winch,
+    };
+    use cdpr_core::{
+        CABLES, Cable, CableLimits, CableState, IrvineCatenary, Load, Real, Robot, TrackerSettings,
+        Twist,
+    };
+    use embedded_hal::digital::{ErrorKind, ErrorType, InputPin, OutputPin, PinState};
+    use embedded_hal::{pwm, spi};
+    use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+
+    unsafe extern "C" {
+        /// Defined nowhere.
+        safe fn cdpr_core_can_panic() -> !;
+    }
+
+    #[panic_handler]
+    fn panic(_: &PanicInfo<'_>) -> ! {
+        cdpr_core_can_panic()
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        black_box((controller::<f32>(), controller::<f64>()));
+        black_box((winches::<f32>(), winches::<f64>()));
+        monitor();
+        loop {
+            cortex_m::asm::wfi();
+        }
+    }
+
+    fn number<T: Real>() -> T {
+        black_box(T::one())
+    }
+
+    fn vector<T: Real>() -> Vector3<T> {
+        Vector3::new(number(), number(), number())
+    }
+
+    fn stance<T: Real>() -> Stance<T> {
+        let q = Quaternion::new(number(), number(), number(), number());
+        Stance { position_m: vector(), orientation: UnitQuaternion::new_unchecked(q) }
+    }
+
+    fn way_point<T: Real>() -> WayPoint<T> {
+        let pace = if black_box(true) { Pace::Duration(number()) } else { Pace::Share(number()) };
+        let twist = Twist { linear_m_s: vector(), angular_rad_s: vector() };
+        WayPoint { stance: stance(), twist, pace }
+    }
+
+    fn readings<T: Real>() -> Readings<T> {
+        black_box(Readings {
+            rest_lengths_m: [(); CABLES].map(|()| number()),
+            failed_winch: black_box(Some(7)),
+            emergency_stop: black_box(false),
+        })
+    }
+
+    /// All that can be asked of a controller, several times over.
+    fn controller<T: Real>() -> Option<()> {
+        let model = IrvineCatenary { weight_n_m: number(), compliance_per_n: number() };
+        let cables =
+            [(); CABLES].map(|()| Cable { anchor_m: vector(), attachment_m: vector(), model });
+        let robot = told(Robot::new(black_box(cables)))?;
+        let load = Load {
+            mass_kg: number(),
+            center_of_mass_m: vector(),
+            gravity_m_s2: number(),
+            force_n: vector(),
+            moment_nm: vector(),
+        };
+        let limits = CableLimits {
+            shortest_m: number(),
+            longest_m: number(),
+            fastest_m_s: number(),
+            lowest_tension_n: number(),
+            highest_tension_n: number(),
+        };
+        let tracker = TrackerSettings {
+            period_s: number(),
+            largest_move_m: number(),
+            least_distance: number(),
+            fold_horizon_s: number(),
+            largest_error_n: number(),
+            cables: [limits; CABLES],
+        };
+        let settings = black_box(ControllerSettings {
+            motion: MotionLimits {
+                distance_m: number(),
+                speed_m_s: number(),
+                acceleration_m_s2: number(),
+                jerk_m_s3: number(),
+                turn_speed_rad_s: number(),
+                turn_acceleration_rad_s2: number(),
+                turn_jerk_rad_s3: number(),
+            },
+            halt_ticks: black_box(3),
+            stream_ticks: black_box(Some(3)),
+            align_speed_m_s: number(),
+            align_reach_m: number(),
+            align_tolerance_m: number(),
+            settle_ticks: black_box(3),
+            following_m: number(),
+            brake_ticks: black_box(3),
+            brake_after_ticks: black_box(Some(3)),
+        });
+        let states = [(); CABLES].map(|()| CableState {
+            force_n: Vector2::new(number(), number()),
+            rest_length_m: number(),
+        });
+        let started =
+            Controller::<T, _, 8>::start(robot, load, tracker, settings, stance(), &states);
+        let mut controller = black_box(told(started)?);
+        told(controller.arm(&readings()));
+        black_box(controller.tick(&readings(), || black_box(Some(way_point()))));
+        told(controller.stop());
+        told(controller.resume());
+        told(controller.cancel());
+        black_box(controller.tick(&readings(), || black_box(Some(way_point()))));
+        told(controller.acknowledge(&readings()));
+        told(controller.disarm());
+        black_box((controller.state(), controller.is_halted(), controller.dropped()));
+        black_box((controller.stance(), controller.tracker().command()));
+        for event in controller.events().iter() {
+            black_box(event);
+        }
+        black_box((controller.events_mut().take(), controller.events().lost()));
+        Some(())
+    }
+
+    fn monitor() {
+        let thresholds = MonitorThresholds { swing_n: number(), spread_n: number() };
+        let mut monitor = black_box(TensionMonitor::<32>::new(thresholds));
+        let measured = black_box([Some(1.0); CABLES]);
+        black_box(monitor.update(&measured, &black_box([1.0; CABLES])));
+    }
+
+    /// A pin, a PWM output and a bus of which nothing is known.
+    struct Part;
+
+    impl ErrorType for Part {
+        type Error = ErrorKind;
+    }
+
+    impl OutputPin for Part {
+        fn set_low(&mut self) -> Result<(), ErrorKind> {
+            black_box(Err(ErrorKind::Other))
+        }
+        fn set_high(&mut self) -> Result<(), ErrorKind> {
+            black_box(Err(ErrorKind::Other))
+        }
+    }
+
+    impl InputPin for Part {
+        fn is_high(&mut self) -> Result<bool, ErrorKind> {
+            black_box(Ok(true))
+        }
+        fn is_low(&mut self) -> Result<bool, ErrorKind> {
+            black_box(Ok(true))
+        }
+    }
+
+    impl pwm::ErrorType for Part {
+        type Error = pwm::ErrorKind;
+    }
+
+    impl pwm::SetDutyCycle for Part {
+        fn max_duty_cycle(&self) -> u16 {
+            black_box(7)
+        }
+        fn set_duty_cycle(&mut self, duty: u16) -> Result<(), pwm::ErrorKind> {
+            black_box(duty);
+            black_box(Ok(()))
+        }
+    }
+
+    impl spi::ErrorType for Part {
+        type Error = spi::ErrorKind;
+    }
+
+    impl spi::SpiDevice for Part {
+        fn transaction(
+            &mut self,
+            operations: &mut [spi::Operation<'_, u8>],
+        ) -> Result<(), spi::ErrorKind> {
+            black_box(operations);
+            black_box(Ok(()))
+        }
+    }
+
+    static LINK: StepLink = StepLink::new();
+
+    /// Both kinds of winch.
+    fn winches<T: Countable>() -> Option<()> {
+        let angle = || black_box(MotorAngle::ZERO);
+        let design = black_box(DrumDesign {
+            radius_m: 1.0,
+            pitch_m: 1.0,
+            gear: 1.0,
+            sense: Sense::Forward,
+            winding_tension_n: 1.0,
+            compliance_per_n: 1.0,
+        });
+        let drum = told(Drum::<T>::new(&design, number(), angle()))?;
+        let steps = NonZeroU32::new(black_box(5))?;
+        black_box((angle().counts(steps), MotorAngle::from_counts(black_box(4), steps)));
+        black_box((MotorAngle::from_rad(number::<T>()), angle().rad::<T>()));
+        black_box((drum.rest_length_rate_m_s(number()), drum.motor_speed_rad_s(number())));
+        let one = black_box(NonZeroU8::MIN);
+        let timing =
+            StepTiming { setup_polls: one, high_polls: one, low_polls: one, polls_per_tick: steps };
+        let mut pulses = told(StepDir::new(&LINK, Part, Part, timing))?;
+        told(pulses.poll());
+        let brake = || told(Brake::new(Part, black_box(PinState::High), black_box(3)));
+        let drive = StepDrive::new(&LINK, &timing, steps, number());
+        let counter = StepCounter::new(&LINK, steps);
+        let stepper = Winch::new(black_box(1), drum, drive, counter, brake()?, number());
+        let mut winch = told(stepper)?;
+        told(winch.measure());
+        told(winch.hold());
+        told(winch.command(number(), number()));
+        told(winch.stop());
+        told(winch.home(number()));
+        let settings = VelocitySettings {
+            full_scale_rad_s: number(),
+            dead_band_rad_s: number(),
+            lowest_duty: number(),
+            highest_duty: number(),
+            gain_per_s: number(),
+        };
+        let drive = told(VelocityDrive::new(Part, Part, settings))?;
+        let chip = As5047p::new(Part);
+        let encoder = told(MotorEncoder::start(chip, black_box(4), black_box(Sense::Reverse)))?;
+        let servo = Winch::new(black_box(1), drum, drive, encoder, brake()?, number());
+        let mut winch = told(servo)?;
+        told(winch.measure());
+        told(winch.hold());
+        told(winch.command(number(), number()));
+        told(winch.stop());
+        told(winch.home(number()));
+        let mut stop = EmergencyStop::new(Part, black_box(PinState::High), black_box(3));
+        told(stop.tick());
+        black_box(stop.reset());
+        Some(())
+    }
+
+    /// Hides an outcome.
+    fn told<R, E>(outcome: Result<R, E>) -> Option<R> {
+        black_box(outcome).map_err(|fault| black_box(&fault as *const E)).ok()
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {}
