@@ -1,21 +1,167 @@
 //! What the controller does at a tick, whatever the board.
 
-use cdpr_core::{Command, Fault, SetPoint, Tracker};
+use cdpr_core::controller::{
+    Controller, Event, EventKind, Outputs, Queue, Readings, Refusal, StartFault, State, WayPoint,
+    WinchTarget,
+};
+use cdpr_core::winch::{Drum, DrumFault, MotorAngle};
+use cdpr_core::{CABLES, Fault, Tracker};
+use heapless::spsc::Consumer;
 
 use crate::Number;
 use crate::path::{Course, Path};
 use crate::rehearsal::Inputs;
 use crate::robot::{self, Model};
 
+/// The controller, with the last eight events.
+pub type Crane<T> = Controller<T, Model<T>, 8>;
+
+/// Way-points on their way to it: room for eight.
+pub type WayPoints<T> = Queue<T, 9>;
+
+/// What an operator may want.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// [`Controller::arm`].
+    Arm,
+    /// [`Controller::acknowledge`].
+    Acknowledge,
+}
+
 /// What has come of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Event<T> {
-    /// A new command, certified.
-    Commanded,
-    /// No new command; the last one stands.
-    Refused(Fault<T>),
-    /// The emergency stop is pressed; the last command stands.
-    Stopped,
+pub struct Outcome<T> {
+    /// What the winches were told.
+    pub outputs: Outputs<T>,
+    /// Why the operator does not get what he wants.
+    pub refusal: Option<Refusal<T>>,
+}
+
+/// A controller between its way-points and its winches.
+pub struct Control<'q, T: Number> {
+    controller: Crane<T>,
+    way_points: Consumer<'q, WayPoint<T>>,
+    winches: Winches<T>,
+}
+
+impl<'q, T: Number> Control<'q, T> {
+    /// Ties them together.
+    #[must_use]
+    pub fn new(
+        controller: Crane<T>,
+        way_points: Consumer<'q, WayPoint<T>>,
+        winches: Winches<T>,
+    ) -> Self {
+        Self { controller, way_points, winches }
+    }
+
+    /// One tick: from the angles of the motors to their commands.
+    #[inline]
+    pub fn tick(&mut self, inputs: &Inputs) -> Outcome<T> {
+        let Self { controller, way_points, winches } = self;
+        let readings = winches.readings(inputs.is_stop_pressed);
+        let granted = request(controller, inputs.request, &readings);
+        let outputs = controller.tick(&readings, || way_points.dequeue());
+        winches.follow(&outputs);
+        Outcome { outputs, refusal: granted.err() }
+    }
+
+    /// What the controller does.
+    pub fn state(&self) -> State<T> {
+        self.controller.state()
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &Crane<T> {
+        &self.controller
+    }
+
+    /// Takes the oldest event.
+    pub fn take_event(&mut self) -> Option<Event<T>> {
+        self.controller.events_mut().take()
+    }
+}
+
+/// Six winches whose motors are where they were told to be: a stand-in for the drives and encoders of
+/// [`cdpr_core::winch`].
+#[derive(Clone, Copy, Debug)]
+pub struct Winches<T> {
+    drums: [Drum<T>; CABLES],
+    motors: [Motor<T>; CABLES],
+    failed: Option<usize>,
+}
+
+/// What a motor was told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motor<T> {
+    /// Where it should be.
+    pub angle: MotorAngle,
+    /// How fast it should turn, rad/s.
+    pub speed_rad_s: T,
+}
+
+impl<T: Number> Winches<T> {
+    /// At the start of `course`, but for some millimetres, as after a night without power.
+    ///
+    /// # Errors
+    /// [`DrumFault`], were the constants of [`robot`] wrong.
+    pub fn start(course: &Course) -> Result<Self, DrumFault> {
+        let home = MotorAngle::ZERO;
+        let (lengths_m, off_m) =
+            (robot::start_lengths_m::<T>(&course.payload), T::constant(robot::OFF_AT_START_M));
+        let still = Motor { angle: home, speed_rad_s: T::zero() };
+        let mut winches = Self {
+            drums: [Drum::new(&robot::DRUM, lengths_m[0], home)?; CABLES],
+            motors: [still; CABLES],
+            failed: None,
+        };
+        for (i, drum) in winches.drums.iter_mut().enumerate() {
+            drum.set_home(lengths_m[i], home)?;
+            winches.motors[i].angle = drum.motor_angle(lengths_m[i] + off_m)?;
+        }
+        Ok(winches)
+    }
+
+    /// What they report, with the state of the emergency stop.
+    #[must_use]
+    pub fn readings(&self, emergency_stop: bool) -> Readings<T> {
+        // An angle that is no length is for the controller to see.
+        let length_m = |i: usize| self.drums[i].rest_length_m(self.motors[i].angle);
+        Readings {
+            rest_lengths_m: core::array::from_fn(|i| {
+                length_m(i).unwrap_or_else(|_| T::constant(f64::NAN))
+            }),
+            failed_winch: self.failed,
+            emergency_stop,
+        }
+    }
+
+    /// Does what the controller wants; nothing wanted, the motors stand where they are.
+    pub fn follow(&mut self, outputs: &Outputs<T>) {
+        match &outputs.targets {
+            Some(targets) => self.command(targets.iter().copied()),
+            None => self.motors.iter_mut().for_each(|motor| motor.speed_rad_s = T::zero()),
+        }
+    }
+
+    /// From rest lengths to motors. A winch that cannot is a failed one from now on.
+    #[inline]
+    pub fn command(&mut self, targets: impl Iterator<Item = WinchTarget<T>>) {
+        for (i, (target, drum)) in targets.zip(&self.drums).enumerate() {
+            match drum.motor_angle(target.rest_length_m) {
+                Ok(angle) => {
+                    let speed_rad_s = drum.motor_speed_rad_s(target.rate_m_s);
+                    self.motors[i] = Motor { angle, speed_rad_s };
+                }
+                Err(_) => self.failed = Some(i),
+            }
+        }
+    }
+
+    /// What the motors were told.
+    pub fn motors(&self) -> &[Motor<T>; CABLES] {
+        &self.motors
+    }
 }
 
 /// What has come of all ticks so far.
@@ -23,16 +169,66 @@ pub enum Event<T> {
 pub struct Summary<T> {
     /// Ticks.
     pub ticks: u32,
-    /// Those with a new command.
+    /// Those with the rest lengths of a certified command, moving or at rest.
     pub certified: u32,
-    /// Those with a fault.
+    /// States entered.
+    pub states: u32,
+    /// Those that were faults.
     pub faults: u32,
-    /// Those with the emergency stop pressed.
-    pub stopped: u32,
+    /// Events, of every kind.
+    pub events: u32,
     /// Largest distance between the end of a cable and its attachment, m.
     pub largest_closure_m: T,
-    /// Of the bits of all rest lengths commanded.
+    /// Of the bits of all rest lengths, motor angles and motor speeds commanded.
     pub checksum: Checksum,
+}
+
+impl<T: Number> Summary<T> {
+    /// Of no ticks.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            ticks: 0,
+            certified: 0,
+            states: 0,
+            faults: 0,
+            events: 0,
+            largest_closure_m: T::zero(),
+            checksum: Checksum::EMPTY,
+        }
+    }
+
+    /// Adds a tick.
+    pub fn add_tick(&mut self, control: &Control<'_, T>, outputs: &Outputs<T>) {
+        self.ticks += 1;
+        let command = control.controller().tracker().command();
+        self.largest_closure_m = self.largest_closure_m.max(command.closure_m);
+        let Some(targets) = &outputs.targets else { return };
+        let mut pairs = targets.iter().zip(&command.cables);
+        let is_certified =
+            pairs.all(|(target, cable)| target.rest_length_m.bits() == cable.rest_length_m.bits());
+        self.certified += u32::from(is_certified);
+        for (target, motor) in targets.iter().zip(control.winches.motors()) {
+            self.checksum.add(target.rest_length_m.bits());
+            self.checksum.add(motor.angle.units().cast_unsigned());
+            self.checksum.add(motor.speed_rad_s.bits());
+        }
+    }
+
+    /// Adds an event.
+    pub fn add_event(&mut self, event: &Event<T>) {
+        self.events += 1;
+        if let EventKind::Entered(state) = event.kind {
+            self.states += 1;
+            self.faults += u32::from(matches!(state, State::Fault(_)));
+        }
+    }
+}
+
+impl<T: Number> Default for Summary<T> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// FNV-1a, taken word by word.
@@ -53,73 +249,40 @@ impl Checksum {
     }
 }
 
-/// A tracker, and what stands between it and the winches.
-#[derive(Clone, Copy, Debug)]
-pub struct Control<T: Number> {
-    tracker: Tracker<T, Model<T>>,
-    summary: Summary<T>,
-}
-
-impl<T: Number> Control<T> {
-    /// At the start of `course`, the platform at rest.
-    ///
-    /// # Errors
-    /// [`Fault`] of the constants of [`robot`].
-    pub fn start(course: Course) -> Result<Self, Fault<T>> {
-        let summary = Summary {
-            ticks: 0,
-            certified: 0,
-            faults: 0,
-            stopped: 0,
-            largest_closure_m: T::zero(),
-            checksum: Checksum::EMPTY,
-        };
-        Ok(Self { tracker: start_tracker(course)?, summary })
-    }
-
-    /// One tick. Then [`Control::command`] is for the winches, whatever has happened.
-    pub fn tick(&mut self, inputs: &Inputs<T>) -> Event<T> {
-        let event = self.track(inputs);
-        let Summary { ticks, certified, faults, stopped, .. } = &mut self.summary;
-        *ticks += 1;
-        *match event {
-            Event::Commanded => certified,
-            Event::Refused(_) => faults,
-            Event::Stopped => stopped,
-        } += 1;
-        let command = self.tracker.command();
-        self.summary.largest_closure_m = self.summary.largest_closure_m.max(command.closure_m);
-        for cable in &command.cables {
-            self.summary.checksum.add(cable.rest_length_m.bits());
-        }
-        event
-    }
-
-    fn track(&mut self, inputs: &Inputs<T>) -> Event<T> {
-        if inputs.is_stop_pressed {
-            return Event::Stopped;
-        }
-        let set_point: Result<SetPoint<T>, _> = inputs.target.set_point().map_err(Fault::Geometry);
-        match set_point.and_then(|set_point| self.tracker.tick(&set_point).map(|_| ())) {
-            Ok(()) => Event::Commanded,
-            Err(fault) => Event::Refused(fault),
-        }
-    }
-
-    /// For the winches.
-    #[must_use]
-    pub fn command(&self) -> &Command<T> {
-        self.tracker.command()
-    }
-
-    /// Of all ticks so far.
-    #[must_use]
-    pub fn summary(&self) -> &Summary<T> {
-        &self.summary
+/// Asks the controller for what the operator wants.
+///
+/// # Errors
+/// [`Refusal`].
+pub fn request<T: Number>(
+    controller: &mut Crane<T>,
+    request: Option<Request>,
+    readings: &Readings<T>,
+) -> Result<(), Refusal<T>> {
+    match request {
+        Some(Request::Arm) => controller.arm(readings),
+        Some(Request::Acknowledge) => controller.acknowledge(readings),
+        None => Ok(()),
     }
 }
 
-/// The tracker at the start of `course`.
+/// The controller at the start of `course`, disarmed.
+///
+/// # Errors
+/// [`StartFault`] of the constants of [`robot`].
+pub fn start_controller<T: Number>(course: &Course) -> Result<Crane<T>, StartFault<T>> {
+    let geometry = |fault| StartFault::Tracker(Fault::Geometry(fault));
+    let (load, states) = (robot::load(&course.payload), robot::start_states(&course.payload));
+    Controller::start(
+        robot::crane().map_err(geometry)?,
+        load,
+        robot::settings(),
+        robot::controller_settings(),
+        Path::new(*course).target().stance,
+        &states,
+    )
+}
+
+/// The tracker alone, at the start of `course`.
 ///
 /// # Errors
 /// [`Fault`] of the constants of [`robot`].

@@ -2,8 +2,8 @@
 //! target: the tests run the same controller over the same path on the host, and the commands agree
 //! bit for bit.
 //!
-//! [`path`] → [`rehearsal`] (what is asked of the controller, and what goes wrong) → [`control`] (what
-//! happens at a tick); [`robot`] holds the constants.
+//! [`path`] → [`rehearsal`] (what is asked of the controller, and what goes wrong) → a queue of
+//! way-points → [`control`] (what happens at a tick); [`robot`] holds the constants.
 
 #![no_std]
 

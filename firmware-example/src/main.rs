@@ -18,16 +18,17 @@ mod image {
     use core::cell::Cell;
     use core::sync::atomic::{AtomicU32, Ordering};
 
-    use cdpr_core::{CABLES, Fault};
+    use cdpr_core::CABLES;
+    use cdpr_core::controller::{Event, EventKind, Refusal};
     use cdpr_firmware_example::board::{self, Counter};
-    use cdpr_firmware_example::control::{Control, Event, Summary};
+    use cdpr_firmware_example::control::{Control, Summary, WayPoints, Winches, start_controller};
     use cdpr_firmware_example::rehearsal::{Rehearsal, TICKS};
     use cdpr_firmware_example::{Float, path, stack};
     use cortex_m::peripheral::SCB;
     use cortex_m::{Peripherals, singleton};
     use cortex_m_rt::exception;
     use critical_section::Mutex;
-    use defmt::{Display2Format, error, info, warn};
+    use defmt::{Debug2Format, Display2Format, error, info, warn};
     use heapless::spsc::{Consumer, Producer, Queue};
 
     /// Reports that may wait for the main loop; more than it ever falls behind.
@@ -40,9 +41,8 @@ mod image {
     #[derive(Clone, Copy)]
     enum Report {
         Progress { rest_lengths_m: [Float; CABLES] },
-        Refused { tick: u32, fault: Fault<Float> },
-        Stopped { tick: u32 },
-        Released { tick: u32 },
+        Event(Event<Float>),
+        Refused { tick: u32, refusal: Refusal<Float> },
         Finished { summary: Summary<Float>, cost: Cost },
     }
 
@@ -61,9 +61,9 @@ mod image {
 
     /// All that the interrupt works on.
     struct Law {
-        rehearsal: Rehearsal<Float>,
-        control: Control<Float>,
-        was_stopped: bool,
+        rehearsal: Rehearsal<'static, Float>,
+        control: Control<'static, Float>,
+        summary: Summary<Float>,
         counter: Counter,
         cost: Cost,
         reports: Producer<'static, Report>,
@@ -90,30 +90,26 @@ mod image {
 
     impl Law {
         fn tick(&mut self) {
-            if self.control.summary().ticks == TICKS {
+            if self.summary.ticks == TICKS {
                 return;
             }
-            // A real controller reads the button and the fieldbus here.
-            let inputs = self.rehearsal.inputs();
-            let (event, cost) = self.counter.count(|| self.control.tick(&inputs));
-            // A real controller hands self.control.command() to its drives here.
+            // A real controller reads buttons and encoders here, and an interrupt of its fieldbus fills
+            // the queue of way-points.
+            let inputs = self.rehearsal.inputs(&self.control.state());
+            let (outcome, cost) = self.counter.count(|| self.control.tick(&inputs));
 
-            let tick = self.control.summary().ticks;
+            self.summary.add_tick(&self.control, &outcome.outputs);
+            let tick = self.summary.ticks;
             TICK.store(tick, Ordering::Relaxed);
-            let is_stopped = event == Event::Stopped;
-            if let Event::Refused(fault) = event {
-                self.report(Report::Refused { tick, fault });
+            while let Some(event) = self.control.take_event() {
+                self.summary.add_event(&event);
+                self.report(Report::Event(event));
             }
-            if is_stopped != self.was_stopped {
-                self.report(if is_stopped {
-                    Report::Stopped { tick }
-                } else {
-                    Report::Released { tick }
-                });
+            if let Some(refusal) = outcome.refusal {
+                self.report(Report::Refused { tick, refusal });
             }
-            self.was_stopped = is_stopped;
             if tick.is_multiple_of(PROGRESS_TICKS) {
-                let command = self.control.command();
+                let command = self.control.controller().tracker().command();
                 let rest_lengths_m = command.cables.map(|cable| cable.rest_length_m);
                 self.report(Report::Progress { rest_lengths_m });
             }
@@ -123,7 +119,7 @@ mod image {
             // The next tick is due already.
             self.cost.overruns += u32::from(SCB::is_pendst_pending());
             if tick == TICKS {
-                let (summary, cost) = (*self.control.summary(), self.cost);
+                let (summary, cost) = (self.summary, self.cost);
                 self.report(Report::Finished { summary, cost });
             }
         }
@@ -151,14 +147,18 @@ mod image {
     #[inline(never)]
     fn start() -> Option<(Peripherals, Consumer<'static, Report>)> {
         let peripherals = Peripherals::take()?;
-        let control = Control::start(path::TAUT)
+        let controller = start_controller(&path::TAUT)
             .inspect_err(|fault| error!("no start: {}", Display2Format(fault)))
             .ok()?;
+        let winches = Winches::start(&path::TAUT)
+            .inspect_err(|fault| error!("no start: {}", Display2Format(fault)))
+            .ok()?;
+        let (sender, receiver) = singleton!(: WayPoints<Float> = WayPoints::new())?.split();
         let (reports, to_tell) = singleton!(: Queue<Report, WAITING> = Queue::new())?.split();
         let law = singleton!(: Law = Law {
-            rehearsal: Rehearsal::new(path::TAUT),
-            control,
-            was_stopped: false,
+            rehearsal: Rehearsal::new(path::TAUT, sender),
+            control: Control::new(controller, receiver, winches),
+            summary: Summary::new(),
             counter: Counter::start(),
             cost: Cost { total: 0, worst: 0, overruns: 0, dropped: 0 },
             reports,
@@ -172,17 +172,25 @@ mod image {
         while let Some(report) = reports.dequeue() {
             match report {
                 Report::Progress { rest_lengths_m } => info!("rest lengths, m: {}", rest_lengths_m),
-                Report::Refused { tick, fault } => {
-                    warn!("tick {=u32} refused: {}", tick, Display2Format(&fault));
+                Report::Event(Event { tick, kind: EventKind::Entered(state) }) => {
+                    info!("tick {=u32}: {}", tick, Display2Format(&state));
                 }
-                Report::Stopped { tick } => warn!("tick {=u32}: emergency stop", tick),
-                Report::Released { tick } => info!("tick {=u32}: released", tick),
+                Report::Event(Event { tick, kind: EventKind::Refused(fault) }) => {
+                    warn!("tick {=u32}: way-point refused: {}", tick, Display2Format(&fault));
+                }
+                Report::Event(Event { tick, kind }) => {
+                    warn!("tick {=u32}: {}", tick, Debug2Format(&kind));
+                }
+                Report::Refused { tick, refusal } => {
+                    warn!("tick {=u32}: request refused: {}", tick, Display2Format(&refusal));
+                }
                 Report::Finished { summary, cost } => {
                     let mean = cost.total / u64::from(summary.ticks);
                     info!("ticks: {=u32}", summary.ticks);
                     info!("certified: {=u32}", summary.certified);
+                    info!("states: {=u32}", summary.states);
+                    info!("events: {=u32}", summary.events);
                     info!("faults: {=u32}", summary.faults);
-                    info!("stopped: {=u32}", summary.stopped);
                     info!("largest closure: {} m", summary.largest_closure_m);
                     info!("worst tick: {=u32} {=str}", cost.worst, board::COST_UNIT);
                     info!("mean tick: {=u64} {=str}", mean, board::COST_UNIT);

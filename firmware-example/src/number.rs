@@ -1,6 +1,6 @@
 //! The number type of the images, and its bits.
 
-use cdpr_core::Real;
+use cdpr_core::winch::Countable;
 
 /// The number type of the images: single precision, for a Cortex-M4F.
 #[cfg(not(feature = "f64"))]
@@ -9,8 +9,8 @@ pub type Float = f32;
 #[cfg(feature = "f64")]
 pub type Float = f64;
 
-/// A [`Real`] whose bits can be told, so that two machines can be compared.
-pub trait Number: Real {
+/// A real number whose bits can be told, so that two machines can be compared.
+pub trait Number: Countable {
     /// The bits.
     fn bits(self) -> u64;
 }

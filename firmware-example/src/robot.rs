@@ -1,5 +1,7 @@
 //! The robot as this firmware knows it: MARIONET-CRANE.
 
+use cdpr_core::controller::{ControllerSettings, MotionLimits};
+use cdpr_core::winch::{DrumDesign, Sense};
 use cdpr_core::{
     CABLES, Cable, CableLimits, CableState, GeometryFault, IrvineCatenary, Load, Real, Robot,
     TrackerSettings,
@@ -100,6 +102,19 @@ const FOLD_HORIZON_S: f64 = 0.2;
 /// Largest distance from the true solution, N: above what rounding in f32 leaves.
 const LARGEST_ERROR_N: f64 = 1.0;
 
+/// The drum of every winch: 5 cm, behind a gear of 20, wound at about the tension of the paper's load.
+pub const DRUM: DrumDesign = DrumDesign {
+    radius_m: 0.05,
+    pitch_m: 0.006,
+    gear: 20.0,
+    sense: Sense::Forward,
+    winding_tension_n: 200.0,
+    compliance_per_n: COMPLIANCE_PER_N,
+};
+
+/// How far the winches are from their lengths when the power is switched on, m.
+pub const OFF_AT_START_M: f64 = 0.003;
+
 /// The robot.
 ///
 /// # Errors
@@ -148,6 +163,32 @@ pub fn settings<T: Real>() -> TrackerSettings<T> {
     }
 }
 
+/// Motions and winches.
+#[must_use]
+pub fn controller_settings<T: Real>() -> ControllerSettings<T> {
+    let c = T::constant;
+    ControllerSettings {
+        motion: MotionLimits {
+            distance_m: c(1.0),
+            speed_m_s: c(1.2),
+            acceleration_m_s2: c(5.0),
+            jerk_m_s3: c(200.0),
+            turn_speed_rad_s: c(0.5),
+            turn_acceleration_rad_s2: c(4.0),
+            turn_jerk_rad_s3: c(200.0),
+        },
+        halt_ticks: 100, // half of FOLD_HORIZON_S
+        stream_ticks: None,
+        align_speed_m_s: c(0.05),
+        align_reach_m: c(0.05),
+        align_tolerance_m: c(1e-3),
+        settle_ticks: 100,
+        following_m: c(0.02),
+        brake_ticks: 50,
+        brake_after_ticks: Some(200),
+    }
+}
+
 /// Where every path starts, m.
 #[must_use]
 pub fn start_position_m<T: Real>() -> Vector3<T> {
@@ -161,6 +202,12 @@ pub fn start_states<T: Real>(payload: &Payload) -> [CableState<T>; CABLES] {
         force_n: Vector2::new(T::constant(fx_n), T::constant(fz_n)),
         rest_length_m: T::constant(rest_length_m),
     })
+}
+
+/// Rest lengths there, m.
+#[must_use]
+pub fn start_lengths_m<T: Real>(payload: &Payload) -> [T; CABLES] {
+    payload.start.map(|[rest_length_m, ..]| T::constant(rest_length_m))
 }
 
 fn vector<T: Real>(coordinates: [f64; 3]) -> Vector3<T> {

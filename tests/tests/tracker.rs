@@ -317,9 +317,9 @@ fn go_around<T: Tested>(course: Course) -> f64 {
         if tick % 19 > 1 {
             continue; // two in a row of every nineteen are compared
         }
-        let q = target.orientation.as_ref().coords.map(Into::into);
+        let q = target.stance.orientation.as_ref().coords.map(Into::into);
         let q = UnitQuaternion::new_normalize(nalgebra::Quaternion::from(q));
-        let pose = Pose::new(target.position_m.map(Into::into), q).expect("a pose");
+        let pose = Pose::new(target.stance.position_m.map(Into::into), q).expect("a pose");
         let balance = Balance::at(&robot, &load, &pose).expect("planes");
         // 1e-13 of what rounding allows: lengths are exact to it, forces of slack cables to less.
         let exact = converge(&robot, &balance, &states(command), 1e-12, 20).expect("a solution");

@@ -45,10 +45,7 @@ mod image {
         }
         let controller = size_of::<Controller<Float, Model<Float>, 8>>();
         let queue = size_of::<Queue<Float, 9>>();
-        info!(
-            "controller: {=usize} bytes of RAM, and {=usize} for 8 way-points",
-            controller, queue
-        );
+        info!("controller and queue: {=usize} bytes of RAM", controller + queue);
         board::exit(outcome.is_ok() && controls.is_some())
     }
 
