@@ -686,7 +686,7 @@ fn way_points() -> impl Strategy<Value = WayPoint<f32>> {
         1 => number(2.0).prop_map(Pace::Share),
     ];
     let still = prop_oneof![2 => Just(true), 1 => Just(false)];
-    (numbers(0.1), numbers(0.015), numbers(0.05), numbers(0.05), still, pace).prop_map(
+    (numbers(0.1), numbers(0.05), numbers(0.05), numbers(0.05), still, pace).prop_map(
         |(offset, turn, linear_m_s, angular_rad_s, still, pace)| {
             let q = nalgebra::Quaternion::new(1.0, turn.x, turn.y, turn.z);
             let stance = Stance {
