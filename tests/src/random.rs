@@ -144,10 +144,12 @@ fn turn(rng: &mut impl Rng) -> [f64; 3] {
     }
 }
 
-fn uniform(rng: &mut impl Rng, [least, largest]: [f64; 2]) -> f64 {
+/// Uniform in a range.
+pub fn uniform(rng: &mut impl Rng, [least, largest]: [f64; 2]) -> f64 {
     rng.random_range(least..largest)
 }
 
-fn log_uniform(rng: &mut impl Rng, range: [f64; 2]) -> f64 {
+/// Log-uniform in a range.
+pub fn log_uniform(rng: &mut impl Rng, range: [f64; 2]) -> f64 {
     uniform(rng, range.map(f64::ln)).exp()
 }
