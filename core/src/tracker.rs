@@ -527,10 +527,13 @@ impl<T: Real> TrackerSettings<T> {
         }
         // Towards a fold the square of the distance falls linearly with time.
         let (square, lost) = (distance * distance, before * before - distance * distance);
-        if square * self.period_s < lost * self.fold_horizon_s {
-            return Err(Fault::FoldAhead { time_s: square * self.period_s / lost });
+        // False for a horizon that is no number.
+        let is_far = lost <= T::zero() || lost * self.fold_horizon_s <= square * self.period_s;
+        if is_far {
+            Ok(())
+        } else {
+            Err(Fault::FoldAhead { time_s: square * self.period_s / lost })
         }
-        Ok(())
     }
 
     /// Refuses a solution that rounding leaves too far from the true one.

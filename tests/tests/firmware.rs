@@ -161,7 +161,7 @@ fn on_the_host<T: Number>() -> (Summary<T>, Vec<Event<T>>) {
     assert_eq!(control.state(), State::Holding);
     // Back to where it started, to what the constants of the rotation and 38 products are rounded to.
     let home = Path::<T>::new(TAUT).target().stance.position_m;
-    let off_m = (control.controller().stance().position_m - home).map(|c| c.abs());
+    let off_m = (control.controller().stance().position_m - home).map(Real::abs);
     let rounding_m = T::constant(64.0) * T::EPSILON;
     assert!(off_m.iter().all(|&c| c < rounding_m), "{off_m:?}");
     (summary, events)
