@@ -52,13 +52,15 @@ use crate::{
 /// `n = Fx/X` the stiffness of its swing:
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurveShape {
-    /// The curvature of the force curve is at most this times `(W/S)^2 Fx / T^2`.
+    /// The curvature of the force curve is at most this times `(q^2 + q/300) Fx / T^2`, `q = W/S`; the second
+    /// term is for light cables that stretch by as much as a tenth.
     pub curvature: f64,
     /// When the end moves, the force across the tangent changes by at most this times `n` per metre.
     pub response: f64,
     /// And the tangent turns by at most this times `n/T` per metre.
     pub turn: f64,
-    /// The second derivative of that force is at most this times `(n^2 + w^2)/T`.
+    /// The second derivative of that force is at most this times `(n^2 + w^2)/T`, and `n/X` more for cables
+    /// folded nearly double.
     pub second: f64,
 }
 
@@ -73,14 +75,14 @@ pub trait ShapedCable<T: Scalar>: CableModel<T> {
 }
 
 /// Of the elastic catenary: the largest values over all states (sampled: see the tests) are 6.64, 2.28,
-/// 4.35 and 1.02, and strain makes each of them smaller.
+/// 4.36 and 1.02.
 const CATENARY: CurveShape = CurveShape { curvature: 7.0, response: 2.4, turn: 4.6, second: 1.1 };
 
 impl<T: Scalar> ShapedCable<T> for IrvineCatenary<T> {
     const SHAPE: CurveShape = CATENARY;
 }
 
-/// Of the parabola, sampled likewise: 7.58, 1.93, 3.78 and 1.02.
+/// Of the parabola, sampled likewise: 7.74, 1.92, 3.78 and 1.02.
 const PARABOLA: CurveShape = CurveShape { curvature: 8.0, response: 2.1, turn: 4.0, second: 1.1 };
 
 impl<T: Scalar> ShapedCable<T> for Parabola<T> {
@@ -88,7 +90,7 @@ impl<T: Scalar> ShapedCable<T> for Parabola<T> {
 }
 
 /// Straight lines: nothing bends, and the force turns with the line.
-const LINE: CurveShape = CurveShape { curvature: 0.0, response: 1.0, turn: 1.0, second: 2.0 };
+const LINE: CurveShape = CurveShape { curvature: 0.0, response: 1.0, turn: 1.0, second: 1.1 };
 
 impl<T: Scalar> ShapedCable<T> for LinearElastic<T> {
     const SHAPE: CurveShape = LINE;
@@ -236,15 +238,17 @@ impl<T: Real> Change<T> {
         self.is_trusted = self.is_trusted
             && hangs
             && reach <= T::constant(1.0 / 16.0) * tension_n
-            && span_m <= T::constant(1.1 * SQRT_2) * rest_length_m
+            && plane.x_m * plane.x_m + plane.z_m * plane.z_m
+                <= T::constant(1.1 * 1.1) * rest_length_m * rest_length_m
             && beside_m > T::zero();
 
         let per_tension = one / tension_n;
         let per_beside = one / beside_m;
         // (16/15)^4 = 1.295: the end tensions may fall by a sixteenth.
         let ratio = (weight_n + two * reach) * per_tension / tensions_n;
-        let curvature =
-            T::constant(1.295 * shape.curvature) * (ratio * ratio) * (horizontal_n + reach);
+        let curvature = T::constant(1.295 * shape.curvature)
+            * (ratio * (ratio + per_tension * T::constant(1.0 / 300.0)))
+            * (horizontal_n + reach);
         let swing = response * per_tension;
         let turn = T::constant(16.0 / 15.0 * shape.turn / shape.response) * swing * way_m;
         let with_plane =
