@@ -274,12 +274,11 @@ pub fn random_cases() -> Vec<PoseCase> {
 
 /// One pose of `data/solutions.json` with its solutions to 40 digits: all that are known of
 /// `paper.json` and `random.json`, and of a pose that has no rigid solution.
-#[derive(Clone, Debug, serde::Deserialize)]
+#[derive(Clone, Debug)]
 pub struct RefinedCase {
     /// Which case it is.
     pub origin: String,
     /// The question, and the solutions. No rigid ones are in the file.
-    #[serde(flatten)]
     pub pose: PoseCase<RefinedSolution>,
     /// Gravity, m/s^2.
     pub gravity_m_s2: f64,
@@ -308,7 +307,37 @@ pub struct RefinedSolution {
 /// When the file is not what [`RefinedCase`] describes.
 #[must_use]
 pub fn refined_cases() -> Vec<RefinedCase> {
-    serde_json::from_str(include_str!("../data/solutions.json")).expect("data/solutions.json")
+    /// Read beside the pose rather than flattened into one: where another package has serde_json keep
+    /// numbers in all their digits, flattened ones are no numbers.
+    #[derive(serde::Deserialize)]
+    struct Constants {
+        origin: String,
+        gravity_m_s2: f64,
+        weight_n_m: f64,
+        compliance_per_n: f64,
+        platform_weight_n: f64,
+    }
+    let text = include_str!("../data/solutions.json");
+    let poses: Vec<PoseCase<RefinedSolution>> =
+        serde_json::from_str(text).expect("data/solutions.json");
+    let constants: Vec<Constants> = serde_json::from_str(text).expect("data/solutions.json");
+    poses
+        .into_iter()
+        .zip(constants)
+        .map(
+            |(
+                pose,
+                Constants { origin, gravity_m_s2, weight_n_m, compliance_per_n, platform_weight_n },
+            )| RefinedCase {
+                pose,
+                origin,
+                gravity_m_s2,
+                weight_n_m,
+                compliance_per_n,
+                platform_weight_n,
+            },
+        )
+        .collect()
 }
 
 /// Random tests, `ordinary` of them every day and a hundred times as many when the environment
