@@ -1,6 +1,9 @@
 //! ```text
-//! cargo fuzz run controller            # with nightly, or RUSTC_BOOTSTRAP=1
+//! mkdir -p fuzz/found
+//! cargo +nightly fuzz run controller fuzz/found fuzz/corpus/controller     # or RUSTC_BOOTSTRAP=1
 //! ```
+//!
+//! What is found goes to the first folder; the second is kept, and replayed by the tests.
 
 #![no_main]
 

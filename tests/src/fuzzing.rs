@@ -10,8 +10,11 @@ use cdpr_firmware_example::path::TAUT;
 use cdpr_firmware_example::robot::{self, Model};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// Ticks of one run: more bytes are left over.
-const TICKS: usize = 400;
+/// Set-points or requests of one run: more bytes are left over.
+const REQUESTS: usize = 400;
+
+/// Ticks from one request to the next at most: motions get somewhere in a few hundred bytes.
+const MOST_TICKS: u8 = 64;
 
 /// Takes numbers off a string of bytes; zeros when there are no more.
 struct Source<'a>(&'a [u8]);
@@ -41,30 +44,38 @@ impl Source<'_> {
         Twist { linear_m_s: self.vector(1.0), angular_rad_s: self.vector(0.3) }
     }
 
+    /// Adds to `setting`, once in 32 times.
+    fn spoil(&mut self, setting: &mut f32, scale: f32) {
+        if self.byte() < 8 {
+            *setting += scale * self.number();
+        }
+    }
+
     /// A turn about a small or any angle, sometimes not of unit length.
-    fn orientation(&mut self) -> UnitQuaternion<f32> {
-        let v = self.vector(0.02);
+    fn orientation(&mut self, scale: f32) -> UnitQuaternion<f32> {
+        let v = self.vector(scale);
         let w =
             if self.byte() == 0 { self.number() } else { (1.0 - v.norm_squared()).max(0.0).sqrt() };
         UnitQuaternion::new_unchecked(Quaternion::new(w, v.x, v.y, v.z))
     }
 }
 
+/// Those of the crane; one or two of them of any kind, nonsense included. Were it more, nothing would
+/// start.
 fn settings(source: &mut Source<'_>) -> TrackerSettings<f32> {
     let mut settings = robot::settings();
-    if source.byte() < 64 {
-        // Limits of any kind, nonsense included.
-        for cable in &mut settings.cables {
-            cable.shortest_m += 10.0 * source.number();
-            cable.longest_m += 30.0 * source.number();
-            cable.fastest_m_s += 3.0 * source.number();
-            cable.lowest_tension_n += 50.0 * source.number();
-            cable.highest_tension_n += 1e3 * source.number();
-        }
-        settings.largest_move_m = 0.05 * source.number();
-        settings.fold_horizon_s = source.number();
-        settings.least_distance = 0.1 * source.number();
+    for cable in &mut settings.cables {
+        source.spoil(&mut cable.shortest_m, 10.0);
+        source.spoil(&mut cable.longest_m, 30.0);
+        source.spoil(&mut cable.fastest_m_s, 3.0);
+        source.spoil(&mut cable.lowest_tension_n, 50.0);
+        source.spoil(&mut cable.highest_tension_n, 1e3);
     }
+    source.spoil(&mut settings.period_s, 0.01);
+    source.spoil(&mut settings.largest_move_m, 0.05);
+    source.spoil(&mut settings.fold_horizon_s, 1.0);
+    source.spoil(&mut settings.least_distance, 0.1);
+    source.spoil(&mut settings.largest_error_n, 1.0);
     settings
 }
 
@@ -112,13 +123,14 @@ pub fn tracker(bytes: &[u8]) {
     let Ok(mut tracker) = started else { return };
     check(tracker.command(), &settings);
     let mut position_m = home;
-    for _ in 0..TICKS {
+    for _ in 0..REQUESTS {
         if source.0.is_empty() {
             break;
         }
-        let scale = if source.byte() < 16 { 1.0 } else { 2e-3 };
+        // Within the largest move at a tick mostly, of origin and attachments.
+        let (scale, turn) = if source.byte() < 16 { (1.0, 0.02) } else { (2e-3, 5e-4) };
         let next = position_m + source.vector(scale);
-        let Ok(pose) = Pose::new(next, source.orientation()) else { continue };
+        let Ok(pose) = Pose::new(next, source.orientation(turn)) else { continue };
         let before = *tracker.command();
         match tracker.tick(&set_point(pose, source.twist())) {
             Ok(command) => {
@@ -172,7 +184,7 @@ pub fn controller(bytes: &[u8]) {
     );
     let Ok(mut controller) = started else { return };
     let mut lengths_m = controller.tracker().command().cables.map(|cable| cable.rest_length_m);
-    for _ in 0..TICKS {
+    for _ in 0..REQUESTS {
         if source.0.is_empty() {
             break;
         }
@@ -180,20 +192,22 @@ pub fn controller(bytes: &[u8]) {
             Readings { rest_lengths_m: lengths_m, failed_winch: None, emergency_stop: false };
         // Refusals are as good as grants here.
         let mut way_point = None;
-        match source.byte() % 32 {
-            0 => _ = controller.arm(&readings),
-            1 => _ = controller.disarm(),
-            2 => _ = controller.stop(),
-            3 => _ = controller.resume(),
-            4 => _ = controller.cancel(),
-            5 => _ = controller.acknowledge(&readings),
-            6 => readings.emergency_stop = true,
-            7 => readings.failed_winch = Some(usize::from(source.byte())),
-            8 => readings.rest_lengths_m[usize::from(source.byte()) % CABLES] = source.number(),
-            9..16 => {
+        match source.byte() % 16 {
+            0 => _ = controller.disarm(),
+            1 => _ = controller.stop(),
+            2 => _ = controller.resume(),
+            3 => _ = controller.cancel(),
+            4 => readings.emergency_stop = true,
+            5 => readings.failed_winch = Some(usize::from(source.byte())),
+            6 => readings.rest_lengths_m[usize::from(source.byte()) % CABLES] = source.number(),
+            7..11 => {
+                _ = controller.acknowledge(&readings);
+                _ = controller.arm(&readings);
+            }
+            _ => {
                 let stance = Stance {
-                    position_m: home.position_m + source.vector(0.5),
-                    orientation: source.orientation(),
+                    position_m: home.position_m + source.vector(0.2),
+                    orientation: source.orientation(0.02),
                 };
                 let pace = match source.byte() {
                     byte if byte < 128 => Pace::Duration(source.number()),
@@ -205,18 +219,20 @@ pub fn controller(bytes: &[u8]) {
                 }
                 way_point = Some(point);
             }
-            _ => {}
         }
-        let outputs = controller.tick(&readings, || way_point);
-        let is_off = matches!(controller.state(), State::Disarmed | State::Fault(_));
-        assert!(!is_off || (outputs.targets.is_none() && !outputs.brakes_released));
-        if let Some(targets) = outputs.targets {
+        for _ in 0..=source.byte() % MOST_TICKS {
+            let outputs = controller.tick(&readings, || way_point.take());
+            check(controller.tracker().command(), &tracker);
+            let is_off = matches!(controller.state(), State::Disarmed | State::Fault(_));
+            assert!(!is_off || (outputs.targets.is_none() && !outputs.brakes_released));
+            let Some(targets) = outputs.targets else { continue };
             for (i, target) in targets.iter().enumerate() {
                 assert!(target.rest_length_m.is_finite() && target.rate_m_s.is_finite());
-                let fastest = tracker.cables[i].fastest_m_s.max(settings.align_speed_m_s);
+                let fastest = tracker.cables[i].fastest_m_s;
                 assert!(target.rate_m_s.abs() <= fastest, "{target:?}");
                 lengths_m[i] = target.rest_length_m;
             }
+            readings.rest_lengths_m = lengths_m;
         }
     }
 }
