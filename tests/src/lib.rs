@@ -307,7 +307,7 @@ pub struct RefinedSolution {
 /// When the file is not what [`RefinedCase`] describes.
 #[must_use]
 pub fn refined_cases() -> Vec<RefinedCase> {
-    /// Read beside the pose rather than flattened into one: where another package has serde_json keep
+    /// Read beside the pose rather than flattened into one: where another package has `serde_json` keep
     /// numbers in all their digits, flattened ones are no numbers.
     #[derive(serde::Deserialize)]
     struct Constants {
@@ -329,8 +329,8 @@ pub fn refined_cases() -> Vec<RefinedCase> {
                 pose,
                 Constants { origin, gravity_m_s2, weight_n_m, compliance_per_n, platform_weight_n },
             )| RefinedCase {
-                pose,
                 origin,
+                pose,
                 gravity_m_s2,
                 weight_n_m,
                 compliance_per_n,
