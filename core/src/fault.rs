@@ -1,6 +1,6 @@
 //! What can go wrong at a control tick, and what the caller is to do about it.
 
-use crate::{GeometryFault, Real, StepFault};
+use crate::{GeometryFault, Real, StepFault, TableFault};
 
 /// Why a tick gives no new command. The last certified command stands. Cables are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +77,8 @@ pub enum Fault<T> {
         /// Contraction that was found; at most 0.45 is needed, and cables that stay near where they are.
         contraction: T,
     },
+    /// A start was to come from a table, which is not used or has none for the pose.
+    Table(TableFault),
 }
 
 /// What is to be done after a [`Fault`].
@@ -89,6 +91,8 @@ pub enum Remedy {
     GoSlower,
     /// This pose is not to be had on this branch: go back the way.
     GoBack,
+    /// The warm-start table cannot be used: write the right one.
+    ReplaceTable,
 }
 
 impl<T: Real> Fault<T> {
@@ -107,7 +111,9 @@ impl<T: Real> Fault<T> {
             | Self::FoldAhead { .. }
             | Self::TensionAbove { .. }
             | Self::TensionBelow { .. }
-            | Self::LengthBeyondWinch { .. } => Remedy::GoBack,
+            | Self::LengthBeyondWinch { .. }
+            | Self::Table(TableFault::OutsideRegion | TableFault::Uncovered(_)) => Remedy::GoBack,
+            Self::Table(_) => Remedy::ReplaceTable,
         }
     }
 }
@@ -144,6 +150,7 @@ impl<T: core::fmt::Display> core::fmt::Display for Fault<T> {
             Self::NotCertified { contraction } => {
                 write!(f, "the branch is not certified (contraction {contraction})")
             }
+            Self::Table(fault) => write!(f, "warm-start table: {fault}"),
         }
     }
 }

@@ -208,6 +208,18 @@ impl<T: Real> Pose<T> {
         (norm3(&way), square.sqrt())
     }
 
+    /// The orientation as a vector along the axis of the turn, as long as the sine of its angle: half the
+    /// skew part of the rotation matrix, with no trigonometry. `None` for turns of a right angle and more.
+    #[must_use]
+    pub fn turn_vector(&self) -> Option<Vector3<T>> {
+        let r = &self.rotation;
+        let is_small = r.m11 + r.m22 + r.m33 > T::one(); // 1 + 2 cos
+        let half = T::constant(0.5);
+        is_small.then(|| {
+            Vector3::new((r.m32 - r.m23) * half, (r.m13 - r.m31) * half, (r.m21 - r.m12) * half)
+        })
+    }
+
     /// Largest coordinate of the position, without sign, m.
     pub(crate) fn size_m(&self) -> T {
         self.position_m.iter().fold(T::zero(), |largest, c| largest.max(c.abs()))

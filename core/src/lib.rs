@@ -23,7 +23,7 @@
 //! The modules follow the flow of data:
 //! [`scalar`] → [`geometry`] and [`wrench`] → [`cable`] models → [`mod@line`] (one cable by itself) →
 //! [`force_curve`] → [`statics`] → [`elimination`] → [`newton`] → [`certificate`] → [`tracker`] →
-//! [`controller`] → [`winch`]. What goes wrong is a [`Fault`](fault).
+//! [`controller`] → [`winch`]. Beside it, [`chart`] → [`table`] give the tracker its start. What goes wrong is a [`Fault`](fault).
 //!
 //! # Use
 //!
@@ -60,6 +60,7 @@
 
 pub mod cable;
 pub mod certificate;
+pub mod chart;
 pub mod controller;
 pub mod elimination;
 pub mod fault;
@@ -70,12 +71,14 @@ pub mod newton;
 mod root;
 pub mod scalar;
 pub mod statics;
+pub mod table;
 pub mod tracker;
 pub mod winch;
 pub mod wrench;
 
 pub use cable::{CableModel, EndPoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola};
 pub use certificate::{Certificate, CurveShape, ShapedCable};
+pub use chart::Charted;
 pub use controller::Controller;
 pub use elimination::Elimination;
 pub use fault::{Fault, Remedy};
@@ -84,6 +87,7 @@ pub use geometry::{Cable, CablePlane, GeometryFault, Pose, Robot};
 pub use line::{LineFault, LineSolution};
 pub use newton::{NewtonStep, StepFault};
 pub use scalar::{Real, Scalar};
+pub use table::{Table, TableFault};
 pub use tracker::{CableCommand, CableLimits, Command, SetPoint, Tracker, TrackerSettings, Twist};
 pub use winch::{Winch, WinchFault};
 pub use wrench::{Load, Wrench};

@@ -6,9 +6,10 @@ use crate::certificate::{Change, Hanging, Move, NewtonSize, rounding};
 use crate::elimination::Square;
 use crate::geometry::norm3;
 use crate::statics;
+use crate::table::{self, Table};
 use crate::{
-    CABLES, CableModel, CablePlane, CableState, Certificate, CurvePoint, Fault, Load, Pose, Real,
-    Robot, Scalar, ShapedCable, StepFault,
+    CABLES, CableModel, CablePlane, CableState, Certificate, Charted, CurvePoint, Fault, Load,
+    Pose, Real, Robot, Scalar, ShapedCable, StepFault,
 };
 
 /// Velocity of the platform: of its origin, and of turning, world axes.
@@ -204,6 +205,51 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             }
         }
         Err(Fault::NotCertified { contraction })
+    }
+
+    /// Starts on the sheet of a warm-start table: at the solution that its seed for the pose leads to.
+    ///
+    /// # Errors
+    /// [`Fault::Table`] when the table is for another robot or load or has no seed for the pose, and those
+    /// of [`Tracker::start`]; [`Fault::NotCertified`] as well when that ended elsewhere than the seed.
+    pub fn start_from(
+        robot: Robot<T, M>,
+        load: Load<T>,
+        settings: TrackerSettings<T>,
+        set_point: &SetPoint<T>,
+        table: &Table<'_>,
+    ) -> Result<Self, Fault<T>>
+    where
+        M: Charted<T>,
+    {
+        table.check(&robot, &load).map_err(Fault::Table)?;
+        let states = table.states(&robot, &load, &set_point.pose).map_err(Fault::Table)?;
+        let tracker = Self::start(robot, load, settings, set_point, &states)?;
+        let (mut moved_n, mut forces_n) = (T::zero(), T::zero());
+        for (cable, state) in tracker.now.command.cables.iter().zip(&states) {
+            let moved = cable.force_n - state.force_n;
+            moved_n = moved_n.max(moved.x.abs() + moved.y.abs());
+            forces_n += cable.force_n.x.abs() + cable.force_n.y.abs();
+        }
+        let stayed = moved_n <= T::constant(2.0 * table::TOLERANCE) * forces_n; // false for NaN
+        let contraction = tracker.now.command.certificate.contraction;
+        if stayed { Ok(tracker) } else { Err(Fault::NotCertified { contraction }) }
+    }
+
+    /// [`Tracker::start_from`] with the robot, the load and the settings that it has.
+    ///
+    /// # Errors
+    /// [`Fault`]; the last command then stands.
+    pub fn restart_from(
+        &mut self,
+        set_point: &SetPoint<T>,
+        table: &Table<'_>,
+    ) -> Result<(), Fault<T>>
+    where
+        M: Charted<T>,
+    {
+        *self = Self::start_from(self.robot, self.load, self.settings, set_point, table)?;
+        Ok(())
     }
 
     /// The next command: for the pose of `set_point`, on the branch of the last one.

@@ -220,6 +220,8 @@ impl<T: Real> From<Fault<T>> for Status<T> {
             cdpr_core::Remedy::MendSetPoint => Remedy::MendSetPoint,
             cdpr_core::Remedy::GoSlower => Remedy::GoSlower,
             cdpr_core::Remedy::GoBack => Remedy::GoBack,
+            // No function here reads a table; it would be one that the call was given.
+            cdpr_core::Remedy::ReplaceTable => Remedy::MendCall,
         };
         let bare = |code| Self::bare(code, remedy);
         match fault {

@@ -4,6 +4,7 @@ use nalgebra::{Matrix2x3, Vector2};
 
 use super::tension_profile::TensionProfile;
 use super::{CableModel, EndPoint, LinearElastic};
+use crate::chart::{Charted, Hung};
 use crate::line::{self, LineFault, LineSolution};
 use crate::root::{Taylor, monotone_root};
 use crate::{Real, Scalar};
@@ -94,6 +95,114 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
         T: Real,
     {
         force_at_length(self, x_m, z_m, rest_length_m)
+    }
+}
+
+/// With `m` the force density, `q = w/(2m)`, `sag = atanh(q)/q - 1`, `e` the mean strain of the ends,
+/// `P = 1 + e` and `Q = P + sag`, the catenary through two given points is explicit but for the strain
+/// `e = m L/EA`:
+///
+/// ```text
+/// Fx = m x/Q        Fz = w L/2 + m z/P        L^2 = x^2/(Q^2 (1 - q^2)) + z^2/P^2
+/// ```
+///
+/// With `r = q^2/(1 - q^2)`, `u = x^2/(Q^2 (1 - q^2) L^2)`, `v = 1 - u = z^2/(P^2 L^2)` and
+/// `f = e (u/Q + v/P)`, the logarithmic derivatives by `m` are `sag - r` of the sag and `-a` of the length,
+///
+/// ```text
+/// a = (g + f)/(1 + f),        g = u (r (1 - 1/Q) + sag/Q)
+/// ```
+///
+/// and `dL/L = (u dx/x + v dz/z)/(1 + f)` at fixed `m`. All factors are positive and nothing cancels for taut
+/// cables, where `sag`, `r`, `e` and with them all corrections to `F = m (x, z)` are small.
+impl<T: Scalar> Charted<T> for IrvineCatenary<T> {
+    #[inline]
+    fn hung(&self, x_m: T, z_m: T, root: T, strain: T) -> Hung<T> {
+        let (one, two, half) = (T::one(), T::constant(2.0), T::constant(0.5));
+        let square = root * root;
+        let q = one / (one + square);
+        let gap = square * q; // 1 - q
+        let twice = one + q;
+        let open = gap * twice; // 1 - q^2
+        let sag = q * q * T::atanh_tail(q, gap);
+        let half_n_m = half * self.weight_n_m;
+        let density = half_n_m * (one + square);
+        let stretch = one + strain;
+        let (per_stretch, per_wide) = (one / stretch, one / (stretch + sag));
+        let (across, down) = (x_m * per_wide, z_m * per_stretch);
+        let (across_sq, down_sq) = (across * across, down * down * open);
+        let span_sq = across_sq + down_sq; // L^2 (1 - q^2)
+        let per_span_sq = one / span_sq;
+        let rest_length_m = (span_sq / open).sqrt();
+        let (level, steep) = (across_sq * per_span_sq, down_sq * per_span_sq);
+        let softness = strain * (level * per_wide + steep * per_stretch);
+        let per_soft = one / (one + softness);
+        let (sag_share, stretch_share) = (sag * per_wide, (strain + sag) * per_wide);
+        let bend = level * (q * q / open * stretch_share + sag_share);
+        let strain_rate = strain * (one - bend) * per_soft;
+
+        // Rates by p: d ln m/dp = drive s^3 q, because m = (w/2)(1 + s^2) and p = c/s - s^2. What grows with
+        // s or falls with it is multiplied before it becomes a factor of its own: m s^3 q, r s^3 q, L s.
+        let scale = T::constant(crate::chart::CHART_SCALE);
+        let cube = square * root;
+        let drive = -(two / (scale + two * cube));
+        let driven = -(one / (one + half * scale / cube)); // drive s^3
+        let rate = driven * q;
+        let density_rate = half_n_m * driven;
+        let density_room = half_n_m * drive * root * q / twice;
+        let length_root = (span_sq / (q * twice)).sqrt();
+        let shortening = level * stretch_share * length_root * (drive * q * q / twice)
+            + (level * sag_share + softness) * rest_length_m * rate;
+        let half_weight = half_n_m * rest_length_m;
+        let (fx, pull) = (density * across, density * down);
+        // d ln L / dx and / dz.
+        let length_by_x = across * per_wide * per_span_sq * per_soft;
+        let length_by_z = down * per_stretch * open * per_span_sq * per_soft;
+        let lift = half_weight - pull * per_stretch * strain;
+        let softer = strain * per_wide;
+        Hung {
+            force_n: Vector2::new(fx, half_weight + pull),
+            rest_length_m,
+            force_by_chart_n: Vector2::new(
+                across
+                    * (density_rate * (one - strain_rate * per_wide - sag_share)
+                        + density_room * per_wide),
+                down * density_rate * (one - strain_rate * per_stretch)
+                    - half_n_m * shortening * per_soft,
+            ),
+            strain_by_chart: strain_rate * rate,
+            force_by_x_n_m: Vector2::new(
+                density * per_wide * (one - softer * level * per_soft),
+                length_by_x * lift,
+            ),
+            force_by_z_n_m: Vector2::new(
+                -(fx * softer * length_by_z),
+                density * per_stretch + length_by_z * lift,
+            ),
+        }
+    }
+
+    #[inline]
+    fn strain(&self, x_m: T, z_m: T, root: T, strain: T) -> (T, T) {
+        let one = T::one();
+        let square = root * root;
+        let q = one / (one + square);
+        let gap = square * q;
+        let open = gap * (one + q);
+        let stretch = one + strain;
+        let (per_stretch, per_wide) =
+            (one / stretch, one / (stretch + q * q * T::atanh_tail(q, gap)));
+        let (across, down) = (x_m * per_wide, z_m * per_stretch);
+        let (across_sq, down_sq) = (across * across, down * down * open);
+        let span_sq = across_sq + down_sq;
+        let density = T::constant(0.5) * self.weight_n_m * (one + square);
+        let next = self.compliance_per_n * density * (span_sq / open).sqrt();
+        let softness = next * (across_sq * per_wide + down_sq * per_stretch) / span_sq;
+        (next, one + softness)
+    }
+
+    fn compliance_per_n(&self) -> T {
+        self.compliance_per_n
     }
 }
 

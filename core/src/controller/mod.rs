@@ -56,8 +56,8 @@ use self::motion::{at_rest, smooth_step, whole_ticks};
 use self::outlook::Outlook;
 use self::path::{Clock, Path, Progress};
 use crate::{
-    CABLES, CableState, Fault, Load, Real, Remedy, Robot, Scalar, SetPoint, ShapedCable, Tracker,
-    TrackerSettings,
+    CABLES, CableState, Charted, Fault, Load, Real, Remedy, Robot, Scalar, SetPoint, ShapedCable,
+    Table, Tracker, TrackerSettings,
 };
 
 /// Way-points from an interrupt, room for `N - 1`.
@@ -132,11 +132,35 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
         states: &[CableState<T>; CABLES],
     ) -> Result<Self, StartFault<T>> {
         settings.check(&tracker).map_err(StartFault::Setting)?;
-        let refused = StartFault::Tracker;
-        let pose = stance.pose().map_err(|fault| refused(Fault::Geometry(fault)))?;
-        let set_point = SetPoint { pose, twist: at_rest() };
-        let tracker = Tracker::start(robot, load, tracker, &set_point, states).map_err(refused)?;
-        Ok(Self {
+        let set_point = resting_at(&stance).map_err(StartFault::Tracker)?;
+        let tracker = Tracker::start(robot, load, tracker, &set_point, states);
+        Ok(Self::around(tracker.map_err(StartFault::Tracker)?, settings, stance))
+    }
+
+    /// [`Controller::start`] with the states that a warm-start table gives for `stance`.
+    ///
+    /// # Errors
+    /// [`StartFault`], that of the tracker as in [`Tracker::start_from`].
+    pub fn start_from(
+        robot: Robot<T, M>,
+        load: Load<T>,
+        tracker: TrackerSettings<T>,
+        settings: ControllerSettings<T>,
+        stance: Stance<T>,
+        table: &Table<'_>,
+    ) -> Result<Self, StartFault<T>>
+    where
+        M: Charted<T>,
+    {
+        settings.check(&tracker).map_err(StartFault::Setting)?;
+        let set_point = resting_at(&stance).map_err(StartFault::Tracker)?;
+        let tracker = Tracker::start_from(robot, load, tracker, &set_point, table);
+        Ok(Self::around(tracker.map_err(StartFault::Tracker)?, settings, stance))
+    }
+
+    /// A disarmed controller, its settings checked, around a tracker at rest at `stance`.
+    fn around(tracker: Tracker<T, M>, settings: ControllerSettings<T>, stance: Stance<T>) -> Self {
+        Self {
             commanded_m: tracker.command().cables.map(|cable| cable.rest_length_m),
             tracker,
             settings,
@@ -150,7 +174,7 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
             tick: 0,
             events: Events::new(),
             dropped: 0,
-        })
+        }
     }
 
     /// What it does.
@@ -198,6 +222,27 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
     /// Records the warning of a monitor.
     pub fn warn(&mut self, warning: monitor::Warning) {
         self.record(EventKind::Warning(warning));
+    }
+
+    /// In [`State::Disarmed`]: starts anew at `stance`, on the sheet of a warm-start table, wherever the
+    /// last command held the platform. [`Controller::arm`] then brings the winches to the lengths of that.
+    ///
+    /// Cost: that of [`Tracker::start_from`], several ticks' worth. Nothing moves meanwhile, but a caller in an
+    /// interrupt must bear it.
+    ///
+    /// # Errors
+    /// [`Refusal`]: not disarmed, or [`Refusal::NoRestart`].
+    pub fn restart_from(&mut self, stance: Stance<T>, table: &Table<'_>) -> Result<(), Refusal<T>>
+    where
+        M: Charted<T>,
+    {
+        let Mode::Disarmed = self.mode else {
+            return Err(Refusal::NotNow(self.state()));
+        };
+        let set_point = resting_at(&stance).map_err(Refusal::NoRestart)?;
+        self.tracker.restart_from(&set_point, table).map_err(Refusal::NoRestart)?;
+        self.stance = stance;
+        Ok(())
     }
 
     /// From [`State::Disarmed`] to [`State::Aligning`]: opens the brakes and brings the winches
@@ -534,6 +579,11 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
     fn certified_m(&self) -> [T; CABLES] {
         self.tracker.command().cables.map(|cable| cable.rest_length_m)
     }
+}
+
+/// The set-point of a platform that stands.
+fn resting_at<T: Real>(stance: &Stance<T>) -> Result<SetPoint<T>, Fault<T>> {
+    Ok(SetPoint { pose: stance.pose().map_err(Fault::Geometry)?, twist: at_rest() })
 }
 
 fn still<T: Scalar>(rest_lengths_m: &[T; CABLES]) -> [WinchTarget<T>; CABLES] {

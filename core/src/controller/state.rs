@@ -104,6 +104,8 @@ pub enum Refusal<T> {
         /// Measured less wanted rest length, m.
         error_m: T,
     },
+    /// The tracker does not start anew.
+    NoRestart(Fault<T>),
 }
 
 impl<T: core::fmt::Display> core::fmt::Display for State<T> {
@@ -146,6 +148,7 @@ impl<T: core::fmt::Display> core::fmt::Display for Refusal<T> {
             Self::TooFarToAlign { cable, error_m } => {
                 write!(f, "cable {}: {error_m} m is too far to align", cable + 1)
             }
+            Self::NoRestart(fault) => fault.fmt(f),
         }
     }
 }

@@ -1,0 +1,336 @@
+//! Force curves with one number for each point, whatever the pose: what a warm-start table stores.
+//!
+//! A [`CurvePoint`](crate::CurvePoint) is the curve of one pose near one state. A [`Charted`] model has a
+//! coordinate for all of the curve, from bar-tight to slack, in which every pose has a point:
+//! `(p, x, z) -> (F, L)` is explicit. Six such numbers are a seed that serves every pose of a neighbourhood,
+//! because at an unchanged coordinate the forces turn and the lengths grow with the cable.
+//!
+//! # The coordinate
+//!
+//! The force density `m = S/(2L)` of a catenary (`S` the sum of the end tensions) exceeds half the weight
+//! per length: `m = (w/2)(1 + s^2)` with `s > 0`, large for taut and small for slack cables. The force is
+//! nearly linear in `s^2` for taut cables, and in `1/s` for slack ones, so the coordinate is
+//!
+//! ```text
+//! p = 1/(2 s) - s^2        from -infinity (taut) to infinity (slack), without unit
+//! ```
+//!
+//! which rises with the rest length. Newton's method in `p` then takes the bend of the curve as well as
+//! in arc length: both need 270 cells to cover the workspace of MARIONET-CRANE in five steps. (Factors 1/4
+//! and 1 in place of 1/2 need more.)
+//!
+//! # Newton's method
+//!
+//! [`converge`] solves the six equations of equilibrium for six coordinates. Every iterate is on its curves,
+//! so that nothing but the curvature in `p` keeps it from the solution, which the table builder of the host
+//! bounds in interval arithmetic: with `M(p)` the columns `G_i dF_i/dp_i`, the error `e` after a step obeys
+//! `M(p) e' = sum_i G_i F_i''(somewhere between) e_i^2 / 2`.
+
+use nalgebra::{ArrayStorage, Matrix6, Vector2};
+
+use crate::elimination::Elimination;
+use crate::statics::Balance;
+use crate::{CABLES, CableModel, CableState, Real, Robot, Scalar, StepFault};
+
+/// `p = CHART_SCALE / s - s^2`.
+pub(crate) const CHART_SCALE: f64 = 0.5;
+
+/// Newton steps of [`root`] and of the strain of [`Charted::hang`] at most.
+const ROOT_STEPS: u32 = 8;
+const STRAIN_STEPS: u32 = 4;
+
+/// No coordinate leaves this range on the way: tensions of `w d/2` times this, or lengths of `x` times this.
+const FARTHEST: f64 = 1e6;
+
+/// A point of the force curve, and how it moves with its coordinate and with the end of the cable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hung<T: Scalar> {
+    /// Force on the cable at the attachment, N.
+    pub force_n: Vector2<T>,
+    /// Rest length, m.
+    pub rest_length_m: T,
+    /// Change of the force per unit of the coordinate, N.
+    pub force_by_chart_n: Vector2<T>,
+    /// Change of the strain per unit of the coordinate.
+    pub strain_by_chart: T,
+    /// Change of the force at fixed coordinate when the end moves in x, N/m.
+    pub force_by_x_n_m: Vector2<T>,
+    /// And in z.
+    pub force_by_z_n_m: Vector2<T>,
+}
+
+/// A point of the force curve in its chart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChartPoint<T: Scalar> {
+    /// Force and rest length.
+    pub state: CableState<T>,
+    /// Change of the force per unit of the coordinate, N.
+    pub force_by_chart_n: Vector2<T>,
+}
+
+/// A cable model whose force curves have a chart.
+pub trait Charted<T: Scalar>: CableModel<T> {
+    /// The curve of the cable to an attachment at `(x_m, z_m)`, at the point whose coordinate has the root
+    /// `s`. `strain`, the mean strain of the ends, is to be the one that comes out.
+    ///
+    /// Explicit, with no case distinction: an interval implements `T` as well.
+    fn hung(&self, x_m: T, z_m: T, root: T, strain: T) -> Hung<T>;
+
+    /// Reciprocal axial stiffness `1/EA`, 1/N.
+    fn compliance_per_n(&self) -> T;
+
+    /// The mean strain of the ends at that point if its length were the one that goes with `strain`, and how
+    /// much faster than one that less `strain` falls with `strain`: what [`Charted::hang`] iterates.
+    fn strain(&self, x_m: T, z_m: T, root: T, strain: T) -> (T, T);
+
+    /// The point of the curve at the coordinate `chart`, for an attachment at `(x_m, z_m)`.
+    ///
+    /// One evaluation of [`Charted::hung`], at most 4 of [`Charted::strain`], and a cubic equation. Not finite when the
+    /// numbers leave the range of their type.
+    #[inline]
+    fn hang(&self, x_m: T, z_m: T, chart: T) -> ChartPoint<T>
+    where
+        T: Real,
+    {
+        let root = root(chart);
+        let mut strain = T::zero();
+        for _ in 0..STRAIN_STEPS {
+            let (next, slope) = self.strain(x_m, z_m, root, strain);
+            let change = (next - strain) / slope;
+            strain += change;
+            // The step after this one would be its square.
+            if change * change <= T::EPSILON {
+                break;
+            }
+        }
+        let hung = self.hung(x_m, z_m, root, strain);
+        ChartPoint {
+            state: CableState { force_n: hung.force_n, rest_length_m: hung.rest_length_m },
+            force_by_chart_n: hung.force_by_chart_n,
+        }
+    }
+
+    /// The coordinate of a state on its curve.
+    fn chart(&self, state: &CableState<T>) -> T
+    where
+        T: Real,
+    {
+        // m - w/2 = (S - W)/(2L), each excess without cancellation.
+        let weight_n_m = self.weight_n_m();
+        let (force, weight) = (state.force_n, weight_n_m * state.rest_length_m);
+        let (_, excess_b) = T::hypot_with_excess(force.x, force.y);
+        let (_, excess_a) = T::hypot_with_excess(force.x, weight - force.y);
+        let square = (excess_a + excess_b) / weight;
+        T::constant(CHART_SCALE) / square.sqrt() - square
+    }
+}
+
+/// The root `s > 0` of `1/(2s) - s^2 = chart`, to rounding.
+#[inline]
+pub fn root<T: Real>(chart: T) -> T {
+    // f(s) = s^3 + chart s - c is convex and rises from its root on: Newton's method from above falls to it.
+    let c = T::constant(CHART_SCALE);
+    let widest = T::constant(0.793_700_525_984_099_7); // c^(1/3)
+    let mut s = if chart >= T::zero() {
+        widest.min(c / chart)
+    } else {
+        (-chart).sqrt() + widest.min(T::constant(-0.5) * c / chart)
+    };
+    for _ in 0..ROOT_STEPS {
+        let square = s * s;
+        let next = (square * s * T::constant(2.0) + c) / (T::constant(3.0) * square + chart);
+        let settled = (s - next).abs() <= T::constant(2.0) * T::EPSILON * s;
+        s = next;
+        if settled {
+            break;
+        }
+    }
+    s
+}
+
+/// `chart` for a root `s`, and its slope, for any scalar.
+pub fn chart_of_root<T: Scalar>(root: T) -> (T, T) {
+    let c = T::constant(CHART_SCALE);
+    let per_root = T::one() / root;
+    (c * per_root - root * root, -(c * per_root * per_root + root + root))
+}
+
+/// One Newton step from six coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChartStep<T: Scalar> {
+    /// The coordinates after it.
+    pub charts: [T; CABLES],
+    /// The points of the curves before it.
+    pub points: [ChartPoint<T>; CABLES],
+    elimination: Elimination<T>,
+}
+
+impl<T: Real> ChartStep<T> {
+    /// The step at the pose of `balance`.
+    ///
+    /// Cost: six points of force curves, one elimination, one solve.
+    ///
+    /// # Errors
+    /// [`StepFault`] when a number leaves its range, or the curves do not span all wrenches.
+    #[inline]
+    pub fn new<M: Charted<T>>(
+        robot: &Robot<T, M>,
+        balance: &Balance<T>,
+        charts: &[T; CABLES],
+    ) -> Result<Self, StepFault> {
+        let points = points(robot, balance, charts)?;
+        let mut sum = *balance.wrench_n();
+        let mut columns = [[T::zero(); CABLES]; CABLES];
+        for i in 0..CABLES {
+            let plane = &balance.planes()[i];
+            sum += plane.wrench_n(&points[i].state.force_n);
+            columns[i] = plane.wrench_n(&points[i].force_by_chart_n).data.0[0];
+        }
+        let matrix = Matrix6::from_array_storage(ArrayStorage(columns));
+        let elimination = Elimination::new(&matrix).ok_or(StepFault::SingularStatics)?;
+        let back = elimination.solve(&sum);
+        let farthest = T::constant(FARTHEST);
+        let charts = core::array::from_fn(|i| (charts[i] - back[i]).max(-farthest).min(farthest));
+        Ok(Self { charts, points, elimination })
+    }
+
+    /// The decomposed matrix of the wrenches of `dF_i/dp_i`.
+    #[must_use]
+    pub fn elimination(&self) -> &Elimination<T> {
+        &self.elimination
+    }
+}
+
+/// The points of six curves.
+#[inline]
+fn points<T: Real, M: Charted<T>>(
+    robot: &Robot<T, M>,
+    balance: &Balance<T>,
+    charts: &[T; CABLES],
+) -> Result<[ChartPoint<T>; CABLES], StepFault> {
+    let points: [ChartPoint<T>; CABLES] = core::array::from_fn(|i| {
+        let plane = &balance.planes()[i];
+        robot.cables()[i].model.hang(plane.x_m, plane.z_m, charts[i])
+    });
+    for (i, point) in points.iter().enumerate() {
+        let (state, slope) = (&point.state, &point.force_by_chart_n);
+        // One sum instead of five checks: infinities and NaN do not cancel out of it.
+        let sum = state.force_n.x + state.force_n.y + state.rest_length_m + slope.x + slope.y;
+        if !sum.is_finite() {
+            return Err(StepFault::SingularCable(i));
+        }
+    }
+    Ok(points)
+}
+
+/// Takes `steps` Newton steps from six coordinates and returns the states they lead to: on the curves of the
+/// pose, and in equilibrium as far as the steps suffice, which is for the caller to know.
+///
+/// # Errors
+/// [`StepFault`], as [`ChartStep::new`].
+pub fn converge<T: Real, M: Charted<T>>(
+    robot: &Robot<T, M>,
+    balance: &Balance<T>,
+    charts: &[T; CABLES],
+    steps: u8,
+) -> Result<[CableState<T>; CABLES], StepFault> {
+    let mut charts = *charts;
+    for _ in 0..steps {
+        charts = ChartStep::new(robot, balance, &charts)?.charts;
+    }
+    Ok(points(robot, balance, &charts)?.map(|point| point.state))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::IrvineCatenary;
+
+    const CABLES_TRIED: [(f64, f64); 4] = [(0.775, 8e-7), (0.039, 8e-7), (5.0, 0.0), (0.775, 4e-4)];
+    const ENDS_M: [(f64, f64); 4] = [(8.0, -6.0), (0.5, -9.0), (12.0, -0.1), (7.0, 2.0)];
+    const CHARTS: [f64; 9] = [-1e3, -90.0, -9.0, -1.0, 0.0, 0.4, 2.0, 9.0, 300.0];
+
+    fn each(mut check: impl FnMut(IrvineCatenary<f64>, f64, f64, f64)) {
+        for (weight_n_m, compliance_per_n) in CABLES_TRIED {
+            for (x, z) in ENDS_M {
+                for chart in CHARTS {
+                    // Strains up to a tenth.
+                    if chart * weight_n_m * compliance_per_n > -0.02 {
+                        check(IrvineCatenary { weight_n_m, compliance_per_n }, x, z, chart);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn root_solves_its_equation() {
+        let mut chart = -1e6_f64;
+        while chart < 1e6 {
+            let s = root(chart);
+            let (back, _) = chart_of_root(s);
+            // Either term is rounded to half a unit, and the root to a few.
+            assert!((back - chart).abs() < 32.0 * f64::EPSILON * (1.0 + chart.abs()), "{chart}");
+            #[allow(clippy::cast_possible_truncation)]
+            let single = root(chart as f32);
+            assert!((f64::from(single) / s - 1.0).abs() < 8.0 * f64::from(f32::EPSILON), "{chart}");
+            chart += 0.37 + chart.abs() * 0.01;
+        }
+    }
+
+    /// The cable ends where it should, by the end-point map, which is another formula.
+    #[test]
+    fn cable_ends_at_its_attachment() {
+        each(|model, x, z, chart| {
+            let state = model.hang(x, z, chart).state;
+            let end = model.end_point(state.force_n, state.rest_length_m).position_m;
+            let error_m = (end.x - x).abs().max((end.y - z).abs());
+            // A few units of the length, as for the end-point map itself.
+            let bound_m = 16.0 * f64::EPSILON * (state.rest_length_m + x);
+            assert!(error_m <= bound_m, "{model:?} {x} {z} {chart}: {error_m:e}");
+            let back = model.chart(&state);
+            assert!((back - chart).abs() <= 1e-11 * (1.0 + chart.abs()), "{chart}: {back}");
+        });
+    }
+
+    #[test]
+    fn derivatives_are_those_of_differences() {
+        each(|model, x, z, chart| {
+            let force = |x, z, chart| model.hang(x, z, chart).state.force_n;
+            let strain = |chart: f64| {
+                let state = model.hang(x, z, chart).state;
+                let tensions_n =
+                    state.tension_at_attachment_n() + state.tension_at_anchor_n(model.weight_n_m);
+                0.5 * model.compliance_per_n * tensions_n
+            };
+            let hung = model.hung(x, z, root(chart), strain(chart));
+            let step = 1e-5 * (1.0 + chart.abs());
+            let near = |found: Vector2<f64>, wanted: Vector2<f64>, what: &str| {
+                // Of second order in a relative step of 1e-5, and rounding over the step.
+                let bound = 1e-7 * wanted.norm() + 1e-9 * force(x, z, chart).norm();
+                assert!(
+                    (found - wanted).norm() <= bound,
+                    "{what} {model:?} {x} {z} {chart}: {found} {wanted}"
+                );
+            };
+            let by_chart = (force(x, z, chart + step) - force(x, z, chart - step)) / (2.0 * step);
+            near(hung.force_by_chart_n, by_chart, "chart");
+            let h = 1e-5 * x;
+            near(
+                hung.force_by_x_n_m,
+                (force(x + h, z, chart) - force(x - h, z, chart)) / (2.0 * h),
+                "x",
+            );
+            near(
+                hung.force_by_z_n_m,
+                (force(x, z + h, chart) - force(x, z - h, chart)) / (2.0 * h),
+                "z",
+            );
+            let by_chart = (strain(chart + step) - strain(chart - step)) / (2.0 * step);
+            assert!(
+                (hung.strain_by_chart - by_chart).abs()
+                    <= 1e-6 * by_chart.abs() + 1e-10 * strain(chart)
+            );
+        });
+    }
+}

@@ -1,0 +1,540 @@
+//! Warm-start tables: which branch to start on, computed once on the host and kept in flash.
+//!
+//! After power-up, an emergency stop or a jump of the set-point the controller needs a start on the **right**
+//! branch. A table divides a region of poses into cells; each cell has a seed, six coordinates of force curves
+//! (see [`chart`]), from which Newton's method is proven to reach the solution of one
+//! connected sheet, within so many steps, at every pose of the cell. The host's `cdpr table build` makes and
+//! proves it; [`Table`] reads it where it lies, without a copy, at any alignment.
+//!
+//! # Format, version 1
+//!
+//! Little-endian. Lengths in m, forces in N, masses in kg; `f32` is IEEE 754 single precision.
+//!
+//! | offset | type | what |
+//! |---|---|---|
+//! | 0 | 8 bytes | `CDPRSEED` |
+//! | 8 | `u16` | version, 1 |
+//! | 10 | `u8` | cable model: 1, the elastic catenary |
+//! | 11 | `u8` | Newton steps that are certified to suffice |
+//! | 12 | `u32` | bytes in all, with the checksum |
+//! | 16 | `u32` | number of nodes, at least 1 |
+//! | 20 | `u32` | number of seeds |
+//! | 24 | 8 bytes | zero |
+//! | 32 | 6 `f32` | region, lower ends: x, y, z of the platform origin (m), then the turn vector (see below) |
+//! | 56 | 6 `f32` | its extents, positive |
+//! | 80 | 6 `f32` | a pose through which the sheet goes, in the same coordinates |
+//! | 104 | 6 `f32` | its rest lengths there, m |
+//! | 128 | 6 x 8 `f32` | cables: anchor (m, 3), attachment (m, 3), weight per rest length (N/m), 1/EA (1/N) |
+//! | 320 | 11 `f32` | load: mass (kg), centre of mass (m, 3), gravity (m/s^2), force (N, 3), moment (N m, 3) |
+//! | 364 | 6 `f32` | longest rest lengths for which the sheet was wanted, m |
+//! | 388 | 4 bytes a node | tree, root first |
+//! | | 24 bytes a seed | 6 `f32`: the coordinates of the six cables |
+//! | last 4 | `u32` | CRC-32 (ISO-HDLC: that of zip and Ethernet) of all bytes before |
+//!
+//! The turn vector is [`Pose::turn_vector`]: the axis of the platform's turn times the sine of its angle.
+//!
+//! A node is a `u32`. Its two highest bits tell its kind:
+//!
+//! - 0, a split: bits 27 to 29 are the coordinate (0 to 5) in which the box is halved, bits 0 to 26 the index
+//!   of the node of the lower half, larger than that of this node; the upper half's node is the next one.
+//! - 1, a cell: bits 0 to 29 are the index of its seed, which other cells may have as well.
+//! - 2, nothing: bits 0 to 7 tell why ([`Gap`]).
+//!
+//! A table holds for every robot whose parameters differ from its own by no more than the part
+//! [`LIKENESS`], which covers those that were rounded to `f32` on another way.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+
+use crate::chart::{self, Charted};
+use crate::statics::Balance;
+use crate::{CABLES, CableState, Load, Pose, Real, Robot};
+
+/// What a table begins with.
+pub const MAGIC: [u8; 8] = *b"CDPRSEED";
+/// The version of the format that is read and written.
+pub const VERSION: u16 = 1;
+/// Tag of the elastic catenary, the only model of this version.
+pub const ELASTIC_CATENARY: u8 = 1;
+/// Part by which a parameter of the robot may differ from that of the table: two roundings to `f32`.
+pub const LIKENESS: f64 = 1.0 / (1 << 22) as f64;
+/// A seed leads so close: no force of a cable is off by more than this part of the sum of all forces.
+pub const TOLERANCE: f64 = 1.0 / (1 << 10) as f64;
+/// Coordinates of a pose: position and turn vector.
+pub const COORDINATES: usize = 6;
+/// Splits from the root to a cell at most.
+pub const MAX_DEPTH: usize = 120;
+/// Seeds at most.
+pub const MAX_SEEDS: u32 = 1 << 27;
+/// Nodes at most.
+pub const MAX_NODES: u32 = 1 << 27;
+
+/// Offsets of the fields, bytes.
+pub mod offset {
+    /// `u16`.
+    pub const VERSION: usize = 8;
+    /// `u8`.
+    pub const MODEL: usize = 10;
+    /// `u8`.
+    pub const STEPS: usize = 11;
+    /// `u32`.
+    pub const TOTAL: usize = 12;
+    /// `u32`.
+    pub const NODES: usize = 16;
+    /// `u32`.
+    pub const SEEDS: usize = 20;
+    /// 6 `f32`.
+    pub const LOW: usize = 32;
+    /// 6 `f32`.
+    pub const EXTENT: usize = 56;
+    /// 6 `f32`.
+    pub const SHEET_POSE: usize = 80;
+    /// 6 `f32`.
+    pub const SHEET_LENGTHS: usize = 104;
+    /// 6 x 8 `f32`.
+    pub const CABLES: usize = 128;
+    /// 11 `f32`.
+    pub const LOAD: usize = 320;
+    /// 6 `f32`.
+    pub const LIMITS: usize = 364;
+    /// Where the tree begins.
+    pub const TREE: usize = 388;
+}
+
+/// Bytes of a node, a seed and the checksum.
+pub const NODE_BYTES: usize = 4;
+/// See [`NODE_BYTES`].
+pub const SEED_BYTES: usize = 24;
+/// See [`NODE_BYTES`].
+pub const CRC_BYTES: usize = 4;
+
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// The checksum of a table without its last four bytes.
+#[must_use]
+pub fn checksum(bytes: &[u8]) -> u32 {
+    CRC.checksum(bytes)
+}
+
+/// Why there is no seed for a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Gap {
+    /// No solution of the sheet was found there.
+    NoSolution,
+    /// A rest length or a tension is beyond its limit there.
+    BeyondLimits,
+    /// A cable is too close to vertical, or to losing its tension.
+    SingularCable,
+    /// Newton's method takes too many steps.
+    TooManySteps,
+    /// Too close to a fold or a singularity for a proof with cells of the smallest size.
+    Unproven,
+    /// Proven, but not connected to the sheet within the region.
+    NotConnected,
+    /// A reason that this version does not know.
+    Other,
+}
+
+impl Gap {
+    /// All that are written, in the order of their codes.
+    pub const ALL: [Self; 6] = [
+        Self::NoSolution,
+        Self::BeyondLimits,
+        Self::SingularCable,
+        Self::TooManySteps,
+        Self::Unproven,
+        Self::NotConnected,
+    ];
+
+    /// The reason with this code.
+    #[must_use]
+    pub fn of_code(code: u32) -> Self {
+        let known = Self::ALL.iter().zip(0..).find(|(_, number)| *number == code);
+        known.map_or(Self::Other, |(gap, _)| *gap)
+    }
+
+    /// Its code in a node.
+    #[must_use]
+    pub fn code(self) -> u32 {
+        let known = Self::ALL.iter().zip(0..).find(|(gap, _)| **gap == self);
+        known.map_or(255, |(_, number)| number)
+    }
+}
+
+impl core::fmt::Display for Gap {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::NoSolution => "the sheet has no solution there",
+            Self::BeyondLimits => "a rest length or tension is beyond its limit there",
+            Self::SingularCable => "a cable is too close to vertical or to losing its tension",
+            Self::Unproven => "too close to a fold or singularity for a proof",
+            Self::TooManySteps => "Newton's method takes too many steps",
+            Self::NotConnected => "not connected to the sheet within the region",
+            Self::Other => "unknown reason",
+        })
+    }
+}
+
+/// Why a table is not used, or has no seed. Cables are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum TableFault {
+    /// Fewer bytes than the shortest table: torn off, or nothing was written.
+    TooShort,
+    /// The bytes are no table.
+    NotATable,
+    /// Of an older version than this one reads.
+    OlderVersion(u16),
+    /// Of a newer version than this one reads.
+    NewerVersion(u16),
+    /// Torn off, or followed by something else.
+    WrongLength {
+        /// Bytes that the table says it has.
+        said: u32,
+        /// Bytes there are.
+        found: u32,
+    },
+    /// The checksum is not that of the bytes.
+    Corrupt,
+    /// The checksum is right, but what it protects makes no sense.
+    Malformed,
+    /// Of another cable model.
+    OtherModel(u8),
+    /// Made for a robot with another cable here: geometry, weight or stiffness.
+    OtherCable(usize),
+    /// Made for another load.
+    OtherLoad,
+    /// The pose is outside the region.
+    OutsideRegion,
+    /// No cell covers the pose.
+    Uncovered(Gap),
+}
+
+impl core::fmt::Display for TableFault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::TooShort => f.write_str("too short for a table"),
+            Self::NotATable => f.write_str("not a warm-start table"),
+            Self::OlderVersion(version) => {
+                write!(f, "of version {version}, older than {VERSION}: build it again")
+            }
+            Self::NewerVersion(version) => write!(f, "of version {version}, newer than {VERSION}"),
+            Self::WrongLength { said, found } => {
+                write!(f, "{found} bytes long instead of {said}")
+            }
+            Self::Corrupt => f.write_str("corrupt: its checksum is wrong"),
+            Self::Malformed => f.write_str("malformed"),
+            Self::OtherModel(tag) => write!(f, "made for another cable model (number {tag})"),
+            Self::OtherCable(cable) => {
+                write!(f, "made for a robot with another cable {}", cable + 1)
+            }
+            Self::OtherLoad => f.write_str("made for another load"),
+            Self::OutsideRegion => f.write_str("the pose is outside the region of the table"),
+            Self::Uncovered(gap) => write!(f, "the pose is in no cell of the table: {gap}"),
+        }
+    }
+}
+
+impl core::error::Error for TableFault {}
+
+/// What a node says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Node {
+    /// The box is halved in a coordinate; the lower half is the node `first`, the upper half the next one.
+    Split {
+        /// 0 to 5.
+        coordinate: usize,
+        /// Index of a node.
+        first: usize,
+    },
+    /// A cell.
+    Cell {
+        /// Index of its seed.
+        seed: usize,
+    },
+    /// No cell.
+    Nothing(Gap),
+}
+
+impl Node {
+    /// As it is written. Indices beyond [`MAX_SEEDS`] and [`MAX_NODES`] do not fit.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation)] // see there
+    pub fn encode(self) -> u32 {
+        match self {
+            Self::Split { coordinate, first } => ((coordinate as u32) << 27) | first as u32,
+            Self::Cell { seed } => (1 << 30) | seed as u32,
+            Self::Nothing(gap) => (2 << 30) | gap.code(),
+        }
+    }
+
+    #[inline]
+    fn decode(word: u32) -> Option<Self> {
+        match word >> 30 {
+            0 => Some(Self::Split {
+                coordinate: ((word >> 27) & 7) as usize,
+                first: (word & (MAX_NODES - 1)) as usize,
+            }),
+            1 => Some(Self::Cell { seed: (word & 0x3fff_ffff) as usize }),
+            2 => Some(Self::Nothing(Gap::of_code(word & 0xff))),
+            _ => None,
+        }
+    }
+}
+
+/// A table in flash: borrowed bytes that have been checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Table<'a> {
+    bytes: &'a [u8],
+    nodes: usize,
+    seeds: usize,
+}
+
+/// `N` bytes from `at` on, zeros beyond the end (which a checked table does not ask for).
+#[inline]
+fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    let mut found = [0; N];
+    if let Some(end) = at.checked_add(N)
+        && let Some(part) = bytes.get(at..end)
+    {
+        for (to, from) in found.iter_mut().zip(part) {
+            *to = *from;
+        }
+    }
+    found
+}
+
+#[inline]
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes_at(bytes, at))
+}
+
+#[inline]
+fn floats_at<const N: usize>(bytes: &[u8], at: usize) -> [f32; N] {
+    core::array::from_fn(|k| f32::from_le_bytes(bytes_at(bytes, at + 4 * k)))
+}
+
+impl<'a> Table<'a> {
+    /// Checks the bytes of a table: once, as it reads all of them (about ten instructions each).
+    ///
+    /// # Errors
+    /// [`TableFault`]: the first that applies of not a table, version, length, checksum, contents.
+    pub fn open(bytes: &'a [u8]) -> Result<Self, TableFault> {
+        if bytes.len() < offset::TREE + NODE_BYTES + CRC_BYTES {
+            return Err(TableFault::TooShort);
+        }
+        if bytes_at(bytes, 0) != MAGIC {
+            return Err(TableFault::NotATable);
+        }
+        let version = u16::from_le_bytes(bytes_at(bytes, offset::VERSION));
+        if version < VERSION {
+            return Err(TableFault::OlderVersion(version));
+        }
+        if version > VERSION {
+            return Err(TableFault::NewerVersion(version));
+        }
+        let said = u32_at(bytes, offset::TOTAL);
+        let found = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+        if said != found {
+            return Err(TableFault::WrongLength { said, found });
+        }
+        let protected = bytes.len() - CRC_BYTES;
+        if checksum(bytes.get(..protected).unwrap_or_default()) != u32_at(bytes, protected) {
+            return Err(TableFault::Corrupt);
+        }
+        let model = bytes_at::<1>(bytes, offset::MODEL)[0];
+        if model != ELASTIC_CATENARY {
+            return Err(TableFault::OtherModel(model));
+        }
+        let count = |at| u32_at(bytes, at);
+        let (nodes, seeds) = (count(offset::NODES), count(offset::SEEDS));
+        let fits = (1..MAX_NODES).contains(&nodes) && seeds <= MAX_SEEDS;
+        if !fits {
+            return Err(TableFault::Malformed);
+        }
+        let table = Self { bytes, nodes: nodes as usize, seeds: seeds as usize };
+        let extents = table.extent();
+        let is_region = table.low().iter().all(|l| l.is_finite())
+            && extents.iter().all(|e| *e > 0.0 && e.is_finite());
+        // In 64 bits, where no count overflows.
+        let tree = offset::TREE as u64
+            + NODE_BYTES as u64 * u64::from(nodes)
+            + SEED_BYTES as u64 * u64::from(seeds);
+        if tree != protected as u64 || !is_region {
+            return Err(TableFault::Malformed);
+        }
+        Ok(table)
+    }
+
+    /// Whether this is a table for `robot` with `load`.
+    ///
+    /// # Errors
+    /// [`TableFault::OtherCable`], [`TableFault::OtherLoad`].
+    pub fn check<T: Real, M: Charted<T>>(
+        &self,
+        robot: &Robot<T, M>,
+        load: &Load<T>,
+    ) -> Result<(), TableFault> {
+        let alike = |known: &[f32], asked: &[T]| {
+            known.iter().zip(asked).all(|(known, asked)| {
+                let known = T::constant(f64::from(*known));
+                // False for NaN.
+                (*asked - known).abs() <= T::constant(LIKENESS) * known.abs()
+            })
+        };
+        for (i, cable) in robot.cables().iter().enumerate() {
+            let (a, b, model) = (&cable.anchor_m, &cable.attachment_m, &cable.model);
+            let asked =
+                [a.x, a.y, a.z, b.x, b.y, b.z, model.weight_n_m(), model.compliance_per_n()];
+            if !alike(&self.cable(i), &asked) {
+                return Err(TableFault::OtherCable(i));
+            }
+        }
+        let (c, f, m) = (&load.center_of_mass_m, &load.force_n, &load.moment_nm);
+        let asked = [load.mass_kg, c.x, c.y, c.z, load.gravity_m_s2, f.x, f.y, f.z, m.x, m.y, m.z];
+        if alike(&self.load(), &asked) { Ok(()) } else { Err(TableFault::OtherLoad) }
+    }
+
+    /// How the cables hang at `pose`, on the sheet of the table: within [`TOLERANCE`] by proof, and usually
+    /// to rounding.
+    ///
+    /// That it is a table for `robot` and `load` is for [`Table::check`].
+    ///
+    /// Cost: at most [`MAX_DEPTH`] nodes, and the certified steps of [`chart::converge`].
+    ///
+    /// # Errors
+    /// [`TableFault`]: outside the region, uncovered, malformed.
+    pub fn states<T: Real, M: Charted<T>>(
+        &self,
+        robot: &Robot<T, M>,
+        load: &Load<T>,
+        pose: &Pose<T>,
+    ) -> Result<[CableState<T>; CABLES], TableFault> {
+        let charts = self.seed_at(pose)?;
+        // From a cell there is a way, by proof.
+        let balance = Balance::at(robot, load, pose).map_err(|_| TableFault::Malformed)?;
+        chart::converge(robot, &balance, &charts, self.steps()).map_err(|_| TableFault::Malformed)
+    }
+
+    /// The seed for `pose`: coordinates of the six force curves.
+    ///
+    /// # Errors
+    /// [`TableFault`]: outside the region, uncovered, malformed.
+    pub fn seed_at<T: Real>(&self, pose: &Pose<T>) -> Result<[T; CABLES], TableFault> {
+        let place = coordinates(pose).ok_or(TableFault::OutsideRegion)?;
+        let (low, extent) = (self.low(), self.extent());
+        let mut t = [T::zero(); COORDINATES];
+        for k in 0..COORDINATES {
+            let number = |x: f32| T::constant(f64::from(x));
+            t[k] = (place[k] - number(low[k])) / number(extent[k]);
+            let is_inside = t[k] >= T::zero() && t[k] <= T::one(); // false for NaN
+            if !is_inside {
+                return Err(TableFault::OutsideRegion);
+            }
+        }
+        let mut index = 0;
+        for _ in 0..=MAX_DEPTH {
+            match self.node(index).ok_or(TableFault::Malformed)? {
+                Node::Split { coordinate, first } if first > index => {
+                    let along = t.get_mut(coordinate).ok_or(TableFault::Malformed)?;
+                    // Exact: doubling is, and so is taking one from a number between one and two.
+                    *along += *along;
+                    index = first;
+                    if *along >= T::one() {
+                        *along -= T::one();
+                        index += 1;
+                    }
+                }
+                Node::Split { .. } => break,
+                Node::Cell { seed } => {
+                    let seed = self.seed(seed).ok_or(TableFault::Malformed)?;
+                    return Ok(seed.map(|chart| T::constant(f64::from(chart))));
+                }
+                Node::Nothing(gap) => return Err(TableFault::Uncovered(gap)),
+            }
+        }
+        Err(TableFault::Malformed)
+    }
+
+    /// Newton steps that suffice, by proof.
+    #[must_use]
+    pub fn steps(&self) -> u8 {
+        bytes_at::<1>(self.bytes, offset::STEPS)[0]
+    }
+
+    /// Lower ends of the region: position (m), turn vector.
+    #[must_use]
+    pub fn low(&self) -> [f32; COORDINATES] {
+        floats_at(self.bytes, offset::LOW)
+    }
+
+    /// Extents of the region: position (m), turn vector.
+    #[must_use]
+    pub fn extent(&self) -> [f32; COORDINATES] {
+        floats_at(self.bytes, offset::EXTENT)
+    }
+
+    /// A pose through which the sheet goes, and its rest lengths there, m.
+    #[must_use]
+    pub fn sheet(&self) -> ([f32; COORDINATES], [f32; CABLES]) {
+        let pose = floats_at(self.bytes, offset::SHEET_POSE);
+        (pose, floats_at(self.bytes, offset::SHEET_LENGTHS))
+    }
+
+    /// Anchor, attachment (m), weight per rest length (N/m) and 1/EA (1/N) of a cable; zeros when there is no
+    /// such cable.
+    #[must_use]
+    pub fn cable(&self, cable: usize) -> [f32; 8] {
+        if cable < CABLES { floats_at(self.bytes, offset::CABLES + 32 * cable) } else { [0.0; 8] }
+    }
+
+    /// Mass (kg), centre of mass (m), gravity (m/s^2), force (N) and moment (N m).
+    #[must_use]
+    pub fn load(&self) -> [f32; 11] {
+        floats_at(self.bytes, offset::LOAD)
+    }
+
+    /// Longest rest lengths for which the sheet was wanted, m.
+    #[must_use]
+    pub fn limits_m(&self) -> [f32; CABLES] {
+        floats_at(self.bytes, offset::LIMITS)
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// Number of seeds.
+    #[must_use]
+    pub fn seeds(&self) -> usize {
+        self.seeds
+    }
+
+    /// A node; the root is 0. `None` when there is none, or it makes no sense.
+    #[inline]
+    #[must_use]
+    pub fn node(&self, index: usize) -> Option<Node> {
+        if index >= self.nodes {
+            return None;
+        }
+        Node::decode(u32_at(self.bytes, offset::TREE + NODE_BYTES * index))
+    }
+
+    /// A seed.
+    #[inline]
+    #[must_use]
+    pub fn seed(&self, index: usize) -> Option<[f32; CABLES]> {
+        let at = offset::TREE + NODE_BYTES * self.nodes + SEED_BYTES * index;
+        (index < self.seeds).then(|| floats_at(self.bytes, at))
+    }
+}
+
+/// Position (m) and turn vector of a pose; `None` for turns of a right angle and more.
+pub fn coordinates<T: Real>(pose: &Pose<T>) -> Option<[T; COORDINATES]> {
+    let (c, turn) = (pose.position_m(), pose.turn_vector()?);
+    Some([c.x, c.y, c.z, turn.x, turn.y, turn.z])
+}
