@@ -15,6 +15,10 @@ use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
 use crate::output;
 use crate::robot_file::{RobotDescription, RobotFileError};
+use crate::table::{JournalError, OrderError};
+use cdpr_core::TableFault;
+
+mod table;
 
 /// The paper's pose with five solutions: position in m, mass in kg, linear density in kg/m.
 const FIVE_SOLUTIONS: ([f64; 3], f64, f64) = ([0.96733, 11.3833, 1.65], 10.0, 0.004);
@@ -46,6 +50,9 @@ enum Command {
     Enumerate(Enumerate),
     /// Follow all solutions of a pose over a range of one parameter, through folds
     Branches(Branches),
+    /// Warm-start tables for the controller: build, merge, inspect, verify
+    #[command(subcommand)]
+    Table(table::TableCommand),
 }
 
 /// A robot, a pose of it, and what replaces values of the robot file.
@@ -157,9 +164,11 @@ pub enum CliError {
     /// What varies has a value as well.
     #[error("{0}: this is what varies, so --from and --to give its values")]
     Fixed(&'static str),
-    /// The picture cannot be written there.
-    #[error("--plot {path}: {source}")]
-    PlotPlace {
+    /// A file cannot be written there.
+    #[error("{option} {path}: {source}")]
+    Place {
+        /// The option that names it.
+        option: &'static str,
         /// The file.
         path: String,
         /// What the system said.
@@ -168,6 +177,31 @@ pub enum CliError {
     /// The picture could not be made or written.
     #[error("writing the picture: {0}")]
     Plot(io::Error),
+    /// A table cannot be made of what was asked for.
+    #[error(transparent)]
+    Order(#[from] OrderError),
+    /// The build on disk.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// The file is not a table.
+    #[error("{path}: {fault}")]
+    Table {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        fault: TableFault,
+    },
+    /// A file could not be read.
+    #[error("{path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A table failed its check.
+    #[error("the table is wrong at {0} poses")]
+    Wrong(usize),
     /// The answer could not be written.
     #[error("writing the answer: {0}")]
     Output(#[from] io::Error),
@@ -178,7 +212,7 @@ impl CliError {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Output(_) | Self::Threads(_) | Self::Plot(_) => 1,
+            Self::Output(_) | Self::Threads(_) | Self::Plot(_) | Self::Wrong(_) => 1,
             _ => 2,
         }
     }
@@ -193,19 +227,20 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
     match cli.command {
         Some(Command::Enumerate(options)) => options.run(out),
         Some(Command::Branches(options)) => options.run(out),
+        Some(Command::Table(command)) => command.run(out),
         None => cli.enumerate.run(out),
     }
 }
 
-/// How far a run over `poses` poses is, on stderr when that is a terminal; gone when the run ends.
-fn progress_bar(poses: usize) -> ProgressBar {
+/// How far a run over `count` of `what` is, on stderr when that is a terminal; gone when the run ends.
+fn progress_bar(count: usize, what: &str) -> ProgressBar {
     let target =
-        if poses > 1 { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let style = ProgressStyle::with_template(
-        "{wide_bar} {human_pos} of {human_len} poses, {per_sec:1}, {eta} left",
-    )
+        if count > 1 { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template(&format!(
+        "{{wide_bar}} {{human_pos}} of {{human_len}} {what}, {{per_sec:1}}, {{eta}} left"
+    ))
     .expect("a template without mistakes");
-    ProgressBar::with_draw_target(Some(poses as u64), target)
+    ProgressBar::with_draw_target(Some(count as u64), target)
         .with_style(style)
         .with_finish(ProgressFinish::AndClear)
 }
@@ -214,7 +249,7 @@ impl Enumerate {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let requests = self.requests()?;
         let threads = in_order::threads(self.threads.map(|n| n.get().into()))?;
-        let progress = progress_bar(requests.len());
+        let progress = progress_bar(requests.len(), "poses");
         // Where both are seen on one screen, the bar makes way for the answers.
         let one_screen = !progress.is_hidden() && io::stdout().is_terminal();
         in_order::for_each(
@@ -280,12 +315,13 @@ impl Branches {
         }
         let range = Range::new(self.from, self.to)?;
         let request = self.question.request()?;
-        let picture = self.plot.as_deref().map(PictureFile::new).transpose()?;
+        let picture =
+            self.plot.as_deref().map(|path| WholeFile::new(path, "--plot")).transpose()?;
         let diagram = Diagram::trace(&request, self.parameter, range)?;
         if let Some(picture) = picture {
             let svg = output::diagram::svg(&request, &diagram)
                 .map_err(|fault| CliError::Plot(io::Error::other(fault.to_string())))?;
-            picture.write(&svg).map_err(CliError::Plot)?;
+            picture.write(svg.as_bytes()).map_err(CliError::Plot)?;
         }
         match self.format {
             Format::Text => write!(out, "{}", output::diagram::text(&request, &diagram))?,
@@ -296,15 +332,15 @@ impl Branches {
 }
 
 /// A file that appears as a whole or not at all.
-struct PictureFile {
+struct WholeFile {
     path: PathBuf,
     draft: NamedTempFile,
 }
 
-impl PictureFile {
+impl WholeFile {
     /// Makes sure that `path` can be written, and leaves what is there alone.
-    fn new(path: &Path) -> Result<Self, CliError> {
-        let place = |source| CliError::PlotPlace { path: path.display().to_string(), source };
+    fn new(path: &Path, option: &'static str) -> Result<Self, CliError> {
+        let place = |source| CliError::Place { option, path: path.display().to_string(), source };
         // Through a link, to the file that it stands for.
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         if path.exists() && !path.is_file() {
@@ -325,8 +361,8 @@ impl PictureFile {
         Ok(Self { path, draft })
     }
 
-    fn write(mut self, svg: &str) -> io::Result<()> {
-        self.draft.write_all(svg.as_bytes())?;
+    fn write(mut self, bytes: &[u8]) -> io::Result<()> {
+        self.draft.write_all(bytes)?;
         self.draft.persist(&self.path).map_err(|error| error.error)?;
         Ok(())
     }
@@ -371,8 +407,17 @@ impl Question {
             }
             None => return Err(CliError::NoPose),
         };
+        self.asked(&overrides.apply(&robot), position_m)
+    }
+
+    /// The same at a pose that is not this one's to give.
+    fn request_at(&self, position_m: [f64; 3]) -> Result<Request, CliError> {
+        self.asked(&self.overrides().apply(&self.robot()?), position_m)
+    }
+
+    fn asked(&self, robot: &RobotDescription, position_m: [f64; 3]) -> Result<Request, CliError> {
         let request = Request {
-            robot: overrides.apply(&robot),
+            robot: robot.clone(),
             position_m,
             rotation_vector_rad: self.rotation_vector.unwrap_or_default(),
             model: self.model,

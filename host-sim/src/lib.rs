@@ -23,3 +23,4 @@ pub mod output;
 pub mod problem;
 pub mod rigid;
 pub mod robot_file;
+pub mod table;

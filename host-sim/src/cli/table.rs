@@ -1,0 +1,405 @@
+//! `cdpr table`: build, merge, inspect, verify, emit-rust.
+
+use std::io::{self, Write};
+use std::num::NonZeroU16;
+use std::path::{Path, PathBuf};
+
+use cdpr_core::table::{COORDINATES, Node, Table};
+use clap::{Args, Subcommand};
+use serde::Serialize;
+
+use super::{CliError, Format, Question, THREADS_HELP, WholeFile, progress_bar, write_pretty};
+use crate::in_order;
+use crate::table::{
+    Choice, Effort, Journal, LEVEL, Order, OrderError, Outcome, Shard, Verification, merge, verify,
+};
+
+const SHARD_HELP: &str = "\
+Make only part K of N, counted from 1; --out is then a file for `cdpr table merge`, which gives the same bytes \
+as a build in one";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum TableCommand {
+    /// Build a table with proof; goes on where a build of the same was killed
+    Build(Box<Build>),
+    /// Put the parts of a build together
+    Merge(Merge),
+    /// Say what is in a table
+    Inspect(Inspect),
+    /// Check a table against the complete search at random poses
+    Verify(Verify),
+    /// Write a table as a Rust constant
+    EmitRust(EmitRust),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Build {
+    #[command(flatten)]
+    question: Question,
+    /// Positions of the platform origin, m, like 0..4,4..12,1..4
+    #[arg(long, value_name = "X..X,Y..Y,Z..Z", value_parser = ranges, allow_hyphen_values = true)]
+    region: [[f64; 2]; 3],
+    /// Largest tilt about each axis, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    tilt_deg: f64,
+    /// How the sheet is chosen among the solutions of --position [default position: the middle]
+    #[arg(long, value_enum, default_value_t = Choice::Shortest)]
+    choose: Choice,
+    /// Or by hand: the number of a solution as `cdpr enumerate --method complete` lists them
+    #[arg(long, value_name = "N", conflicts_with = "choose")]
+    solution: Option<usize>,
+    /// Newton steps that a seed may take
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=20))]
+    steps: u8,
+    /// How often a tile of a metre may be halved: more covers more, in more bytes
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u8).range(0..=60))]
+    depth: u8,
+    /// The table
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    #[arg(long, help = "Make only part K of N, for `cdpr table merge`", long_help = SHARD_HELP, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// What was made, as a table or JSON
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[arg(long, help = THREADS_HELP, value_name = "N")]
+    threads: Option<NonZeroU16>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Merge {
+    /// All parts, in any order
+    #[arg(required = true, value_name = "PART")]
+    parts: Vec<PathBuf>,
+    /// The table
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// What was made, as a table or JSON
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Inspect {
+    /// The table
+    #[arg(value_name = "FILE")]
+    table: PathBuf,
+    /// Text, or JSON with every place that is not covered
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Verify {
+    /// The table
+    #[arg(value_name = "FILE")]
+    table: PathBuf,
+    /// Random poses of the region
+    #[arg(long, value_name = "N", default_value_t = 2000)]
+    poses: usize,
+    /// Where the random numbers begin
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Text or JSON
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct EmitRust {
+    /// The table
+    #[arg(value_name = "FILE")]
+    table: PathBuf,
+    /// Name of the constant
+    #[arg(long, value_name = "NAME", default_value = "TABLE", value_parser = constant_name)]
+    name: String,
+}
+
+impl TableCommand {
+    pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        match self {
+            Self::Build(options) => options.run(out),
+            Self::Merge(options) => {
+                let file = WholeFile::new(&options.out, "--out")?;
+                let outcome = merge(&options.parts)?;
+                file.write(&outcome.bytes).map_err(|source| unwritten(&options.out, source))?;
+                report(out, &outcome, options.format)
+            }
+            Self::Inspect(options) => options.run(out),
+            Self::Verify(options) => options.run(out),
+            Self::EmitRust(options) => options.run(out),
+        }
+    }
+}
+
+fn unwritten(path: &Path, source: io::Error) -> CliError {
+    CliError::Place { option: "--out", path: path.display().to_string(), source }
+}
+
+impl Build {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let good_tilt = self.tilt_deg >= 0.0 && self.tilt_deg.is_finite();
+        if !good_tilt {
+            return Err(OrderError::Region.into());
+        }
+        let tilt = self.tilt_deg.to_radians().sin().max(LEVEL);
+        let (mut low, mut high) = ([-tilt; COORDINATES], [tilt; COORDINATES]);
+        for (k, [from, to]) in self.region.iter().enumerate() {
+            (low[k], high[k]) = (*from, *to);
+        }
+        let middle = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+        let request = self.question.request_at(self.question.position.unwrap_or(middle))?;
+        let effort = Effort { steps: self.steps, depth: self.depth };
+        let order = Order::new(&request, low, high, self.choose, self.solution, effort)?;
+        let pool = in_order::threads(self.threads.map(|n| n.get().into()))?;
+        let shard = self.shard.unwrap_or(Shard::WHOLE);
+        // A part is its own journal; a whole table has one beside it until it is done.
+        let (file, place) = match self.shard {
+            Some(_) => (None, self.out.clone()),
+            None => (Some(WholeFile::new(&self.out, "--out")?), beside(&self.out)),
+        };
+        let mut journal = Journal::open(&place, &order)?;
+        let progress = progress_bar(journal.missing(shard), "tiles");
+        journal.fill(&pool, shard, || progress.inc(1))?;
+        progress.finish_and_clear();
+        let Some(file) = file else { return Ok(()) };
+        let outcome = journal.finish()?;
+        file.write(&outcome.bytes).map_err(|source| unwritten(&self.out, source))?;
+        std::fs::remove_file(&place).map_err(|source| unwritten(&place, source))?;
+        report(out, &outcome, self.format)
+    }
+}
+
+/// Where a build keeps what is done.
+fn beside(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".part");
+    PathBuf::from(name)
+}
+
+fn report(out: &mut impl Write, outcome: &Outcome, format: Format) -> Result<(), CliError> {
+    if format == Format::Json {
+        #[derive(Serialize)]
+        struct Document<'a> {
+            bytes: usize,
+            #[serde(flatten)]
+            outcome: &'a Outcome,
+            seams: Vec<[f64; COORDINATES]>,
+        }
+        let seams = outcome.seams.iter().map(|seam| seam.pose).collect();
+        write_pretty(out, &Document { bytes: outcome.bytes.len(), outcome, seams })?;
+        return Ok(out.flush()?);
+    }
+    let Outcome { cells, seeds, steps, wanted, covered, .. } = outcome;
+    writeln!(
+        out,
+        "{} bytes: {cells} cells with {seeds} seeds, each proven to need",
+        outcome.bytes.len()
+    )?;
+    writeln!(out, "at most {steps} Newton steps in f32")?;
+    if *wanted > 0 {
+        let share = 100.0 * *covered as f64 / *wanted as f64;
+        writeln!(out, "covered: {share:.2} % of the sheet within the region and the limits")?;
+        writeln!(out, "({covered} of {wanted} sampled poses at which it was found)")?;
+    }
+    for (gap, count) in &outcome.gaps {
+        writeln!(out, "  not covered, {count} places: {gap}")?;
+    }
+    match outcome.seams.first() {
+        None => writeln!(out, "the sheet comes back to no pose on another branch")?,
+        Some(seam) => {
+            let p = seam.pose;
+            writeln!(
+                out,
+                "the sheet comes back on another branch at {} pairs of cells, one at ({:.3}, {:.3}, {:.3}) m",
+                outcome.seams.len(),
+                p[0],
+                p[1],
+                p[2]
+            )?;
+        }
+    }
+    Ok(out.flush()?)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, CliError> {
+    std::fs::read(path)
+        .map_err(|source| CliError::Read { path: path.display().to_string(), source })
+}
+
+fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Table<'a>, CliError> {
+    Table::open(bytes).map_err(|fault| CliError::Table { path: path.display().to_string(), fault })
+}
+
+/// A place that is not covered.
+#[derive(Serialize)]
+struct Uncovered {
+    low: [f64; COORDINATES],
+    high: [f64; COORDINATES],
+    reason: String,
+}
+
+#[derive(Serialize)]
+struct Contents {
+    bytes: usize,
+    version: u16,
+    steps: u8,
+    nodes: usize,
+    seeds: usize,
+    cells: usize,
+    low: [f32; COORDINATES],
+    extent: [f32; COORDINATES],
+    start_pose: [f32; COORDINATES],
+    start_lengths_m: [f32; 6],
+    max_lengths_m: [f32; 6],
+    cables: [[f32; 8]; 6],
+    load: [f32; 11],
+    uncovered: Vec<Uncovered>,
+}
+
+impl Inspect {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let bytes = read(&self.table)?;
+        let table = open(&self.table, &bytes)?;
+        let (low, extent) = (table.low().map(f64::from), table.extent().map(f64::from));
+        let high = std::array::from_fn(|k| low[k] + extent[k]);
+        let (mut cells, mut uncovered) = (0, Vec::new());
+        let mut stack = vec![(0, low, high)];
+        let mut seen = 0;
+        while let Some((index, low, high)) = stack.pop() {
+            seen += 1;
+            // In a tree no node is met twice.
+            match table.node(index).filter(|_| seen <= table.nodes()) {
+                Some(Node::Split { coordinate: k, first }) if k < COORDINATES && first > index => {
+                    let middle = 0.5 * (low[k] + high[k]);
+                    let (mut lower, mut upper) = (high, low);
+                    lower[k] = middle;
+                    upper[k] = middle;
+                    stack.push((first + 1, upper, high));
+                    stack.push((first, low, lower));
+                }
+                Some(Node::Cell { .. }) => cells += 1,
+                Some(Node::Nothing(gap)) => {
+                    uncovered.push(Uncovered { low, high, reason: gap.to_string() });
+                }
+                _ => {
+                    let fault = cdpr_core::TableFault::Malformed;
+                    let path = self.table.display().to_string();
+                    return Err(CliError::Table { path, fault });
+                }
+            }
+        }
+        let (start_pose, start_lengths_m) = table.sheet();
+        let contents = Contents {
+            bytes: bytes.len(),
+            version: cdpr_core::table::VERSION,
+            steps: table.steps(),
+            nodes: table.nodes(),
+            seeds: table.seeds(),
+            cells,
+            low: table.low(),
+            extent: table.extent(),
+            start_pose,
+            start_lengths_m,
+            max_lengths_m: table.limits_m(),
+            cables: std::array::from_fn(|i| table.cable(i)),
+            load: table.load(),
+            uncovered,
+        };
+        if self.format == Format::Json {
+            write_pretty(out, &contents)?;
+            return Ok(out.flush()?);
+        }
+        let c = &contents;
+        writeln!(out, "warm-start table, version {}, {} bytes", c.version, c.bytes)?;
+        writeln!(
+            out,
+            "{} cells, {} seeds, {} nodes; at most {} Newton steps",
+            c.cells, c.seeds, c.nodes, c.steps
+        )?;
+        for (k, name) in
+            ["x [m]", "y [m]", "z [m]", "turn x", "turn y", "turn z"].iter().enumerate()
+        {
+            writeln!(out, "  {name:7} {:12.6} .. {:.6}", low[k], high[k])?;
+        }
+        writeln!(
+            out,
+            "sheet through ({}, {}, {}) m with rest lengths {:?} m",
+            start_pose[0], start_pose[1], start_pose[2], start_lengths_m
+        )?;
+        writeln!(out, "load {} kg, longest rest lengths {:?} m", c.load[0], c.max_lengths_m)?;
+        let mut reasons = std::collections::BTreeMap::<&str, usize>::new();
+        for place in &c.uncovered {
+            *reasons.entry(&place.reason).or_default() += 1;
+        }
+        for (reason, count) in reasons {
+            writeln!(out, "  not covered, {count} places: {reason}")?;
+        }
+        Ok(out.flush()?)
+    }
+}
+
+impl Verify {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let bytes = read(&self.table)?;
+        let table = open(&self.table, &bytes)?;
+        let found = verify(&table, self.poses, self.seed)
+            .map_err(|fault| CliError::Table { path: self.table.display().to_string(), fault })?;
+        if self.format == Format::Json {
+            write_pretty(out, &found)?;
+        } else {
+            let Verification { poses, covered, confirmed, wrong, undecided, with_others } = found;
+            writeln!(out, "{poses} random poses, {covered} covered")?;
+            writeln!(
+                out,
+                "{confirmed} lead to a solution that the complete search proves, {wrong} do not, {undecided} undecided"
+            )?;
+            writeln!(out, "{with_others} of these poses have other solutions as well")?;
+        }
+        out.flush()?;
+        if found.wrong > 0 { Err(CliError::Wrong(found.wrong)) } else { Ok(()) }
+    }
+}
+
+impl EmitRust {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let bytes = read(&self.table)?;
+        let table = open(&self.table, &bytes)?;
+        writeln!(out, "/// A warm-start table: {} seeds, {} steps.", table.seeds(), table.steps())?;
+        writeln!(out, "pub const {}: [u8; {}] = [", self.name, bytes.len())?;
+        for line in bytes.chunks(20) {
+            let numbers: Vec<String> = line.iter().map(u8::to_string).collect();
+            writeln!(out, "    {},", numbers.join(", "))?;
+        }
+        writeln!(out, "];")?;
+        Ok(out.flush()?)
+    }
+}
+
+fn ranges(text: &str) -> Result<[[f64; 2]; 3], String> {
+    let mut low = [0.0; 3];
+    let mut high = [0.0; 3];
+    let parts: Vec<&str> = text.split(',').collect();
+    if parts.len() != 3 {
+        return Err(format!("{} ranges given, three needed", parts.len()));
+    }
+    for (k, part) in parts.iter().enumerate() {
+        let (from, to) =
+            part.split_once("..").ok_or_else(|| format!("'{part}' is not a range like 0..4"))?;
+        (low[k], high[k]) = (super::finite(from)?, super::finite(to)?);
+        if low[k] >= high[k] {
+            return Err(format!("'{part}' does not ascend"));
+        }
+    }
+    Ok(std::array::from_fn(|k| [low[k], high[k]]))
+}
+
+fn constant_name(text: &str) -> Result<String, String> {
+    let mut characters = text.chars();
+    let starts = characters.next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_');
+    if starts && characters.all(|c| c.is_ascii_alphanumeric() || c == '_') {
+        Ok(text.to_owned())
+    } else {
+        Err("is not a name in Rust".to_owned())
+    }
+}

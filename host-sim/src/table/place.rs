@@ -1,0 +1,285 @@
+//! Boxes of poses, and what the cables see of them, in intervals.
+//!
+//! A pose has six coordinates: position, and the turn vector `sigma = sin(angle) axis` of
+//! [`Pose::turn_vector`], with which the rotation matrix is free of trigonometry:
+//!
+//! ```text
+//! R = c + [sigma] + sigma sigma^T/(1 + c),      c = sqrt(1 - sigma^2)
+//! ```
+
+use cdpr_core::table::{COORDINATES, LIKENESS};
+use cdpr_core::{CABLES, GeometryFault, Load, Pose, Robot, Scalar};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
+use num_traits::{One, Zero};
+
+use super::Model;
+use crate::interval::Interval;
+
+/// A pose by its coordinates.
+pub(super) type Point = [f64; COORDINATES];
+
+/// The pose with these coordinates.
+pub(super) fn pose(at: &Point) -> Result<Pose<f64>, GeometryFault> {
+    let turn = Vector3::new(at[3], at[4], at[5]);
+    let cosine = (1.0 - turn.norm_squared()).sqrt();
+    let w = (0.5 * (1.0 + cosine)).sqrt();
+    let v = turn / (2.0 * w);
+    let orientation = UnitQuaternion::new_unchecked(Quaternion::new(w, v.x, v.y, v.z));
+    Pose::new(Vector3::new(at[0], at[1], at[2]), orientation)
+}
+
+/// A box of poses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseBox {
+    /// Lower ends: position (m), turn vector.
+    pub low: Point,
+    /// Upper ends.
+    pub high: Point,
+}
+
+impl PoseBox {
+    pub(super) fn middle(&self) -> Point {
+        std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
+    }
+
+    pub(super) fn extent(&self, k: usize) -> f64 {
+        self.high[k] - self.low[k]
+    }
+
+    /// Both halves.
+    pub(super) fn halves(&self, k: usize) -> [Self; 2] {
+        let middle = 0.5 * (self.low[k] + self.high[k]);
+        let (mut lower, mut upper) = (*self, *self);
+        lower.high[k] = middle;
+        upper.low[k] = middle;
+        [lower, upper]
+    }
+
+    /// The point whose coordinates run from 0 to 1 between the sides.
+    pub(super) fn at(&self, t: &Point) -> Point {
+        std::array::from_fn(|k| self.low[k] + t[k] * self.extent(k))
+    }
+
+    /// The inverse of [`PoseBox::at`].
+    pub(super) fn local(&self, point: &Point) -> Point {
+        std::array::from_fn(|k| (point[k] - self.low[k]) / self.extent(k))
+    }
+
+    pub(super) fn contains(&self, point: &Point) -> bool {
+        (0..COORDINATES).all(|k| point[k] >= self.low[k] && point[k] <= self.high[k])
+    }
+
+    /// What is in both; `None` when they do not even touch.
+    pub(super) fn intersection(&self, other: &Self) -> Option<Self> {
+        let both = Self {
+            low: std::array::from_fn(|k| self.low[k].max(other.low[k])),
+            high: std::array::from_fn(|k| self.high[k].min(other.high[k])),
+        };
+        (0..COORDINATES).all(|k| both.low[k] <= both.high[k]).then_some(both)
+    }
+}
+
+type Vector3i = Vector3<Interval>;
+
+fn dot3(a: &Vector3i, b: &Vector3i) -> Interval {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
+
+fn unit(k: usize) -> Vector3i {
+    let mut unit = Vector3i::zeros();
+    unit[k] = Interval::one();
+    unit
+}
+
+/// Rotation by all turn vectors of a box, and how it changes with each component.
+struct Rotation {
+    turn: Vector3i,
+    cosine: Interval,
+    /// `1/(1 + c)`.
+    half: Interval,
+}
+
+impl Rotation {
+    fn of(region: &PoseBox) -> Self {
+        let one = Interval::one();
+        let turn = Vector3i::from_fn(|k, _| Interval::new(region.low[k + 3], region.high[k + 3]));
+        let sine_sq = turn.x.square() + turn.y.square() + turn.z.square();
+        let cosine = (one - sine_sq).sqrt();
+        Self { turn, cosine, half: one / (one + cosine) }
+    }
+
+    fn turned(&self, b: &Vector3i) -> Vector3i {
+        let along = dot3(&self.turn, b) * self.half;
+        b * self.cosine + self.turn.cross(b) + self.turn * along
+    }
+
+    /// `d(R b)/d sigma_k`; `dc/d sigma_k = -sigma_k/c`.
+    fn derivative(&self, b: &Vector3i, k: usize) -> Vector3i {
+        let along = dot3(&self.turn, b);
+        let rate = self.turn[k] / self.cosine;
+        unit(k).cross(b) - b * rate
+            + unit(k) * (along * self.half)
+            + self.turn * (b[k] * self.half + along * rate * self.half.square())
+    }
+}
+
+/// `value` and all that is taken for it: see [`LIKENESS`].
+fn alike(value: f64) -> Interval {
+    Interval::around(value, LIKENESS * value.abs())
+}
+
+/// A robot and its load, with all parameters that a reader takes for the same.
+pub(super) struct Likeness {
+    anchors_m: [Vector3i; CABLES],
+    attachments_m: [Vector3i; CABLES],
+    moment_arm_m: f64,
+    weight_n: Interval,
+    center_of_mass_m: Vector3i,
+    force_n: Vector3i,
+    moment_nm: Vector3i,
+}
+
+/// Turn matrices of a controller in f32 are off by less than this part.
+const TURN_ROUNDING: f64 = 1e-6;
+
+/// What one cable sees of a box of poses.
+#[derive(Clone, Copy)]
+pub(super) struct Sight {
+    pub(super) x_m: Interval,
+    pub(super) z_m: Interval,
+    /// Horizontal direction.
+    direction: Vector2<Interval>,
+    /// From the platform origin to the attachment over the moment arm, and its derivatives by the turn vector.
+    arm: Vector3i,
+    arm_by_turn: [Vector3i; 3],
+}
+
+impl Likeness {
+    pub(super) fn new(robot: &Robot<f64, Model>, load: &Load<f64>) -> Self {
+        let cables = robot.cables();
+        Self {
+            anchors_m: std::array::from_fn(|i| cables[i].anchor_m.map(alike)),
+            attachments_m: std::array::from_fn(|i| cables[i].attachment_m.map(alike)),
+            moment_arm_m: robot.moment_arm_m(),
+            weight_n: alike(load.mass_kg) * alike(load.gravity_m_s2),
+            center_of_mass_m: load.center_of_mass_m.map(alike),
+            force_n: load.force_n.map(alike),
+            moment_nm: load.moment_nm.map(alike),
+        }
+    }
+
+    /// What the cables see of `region`, and the external wrench with its derivatives by the turn vector (N);
+    /// the number of a cable that may be vertical when there is one.
+    pub(super) fn look(&self, region: &PoseBox) -> Result<(Vec<Sight>, Loading), usize> {
+        let rotation = Rotation::of(region);
+        let position = Vector3i::from_fn(|k, _| Interval::new(region.low[k], region.high[k]));
+        let per_arm = Interval::one() / Interval::point(self.moment_arm_m);
+        let rounding = Interval::symmetric(TURN_ROUNDING * self.moment_arm_m);
+        let mut sights = Vec::with_capacity(CABLES);
+        for i in 0..CABLES {
+            let b = &self.attachments_m[i];
+            let arm_m = rotation.turned(b).map(|c| c + rounding);
+            let span = position + arm_m - self.anchors_m[i];
+            let (x_m, _) = Interval::hypot_with_excess(span.x, span.y);
+            if x_m.low() <= 0.0 {
+                return Err(i);
+            }
+            sights.push(Sight {
+                x_m,
+                z_m: span.z,
+                direction: direction(&span, x_m),
+                arm: arm_m * per_arm,
+                arm_by_turn: std::array::from_fn(|k| rotation.derivative(b, k) * per_arm),
+            });
+        }
+        let zero = Interval::zero();
+        let weight = Vector3i::new(zero, zero, -self.weight_n);
+        let arm = rotation.turned(&self.center_of_mass_m);
+        let moment = (arm.cross(&weight) + self.moment_nm) * per_arm;
+        let force = weight + self.force_n;
+        let wrench_n = stack(&force, &moment);
+        let by_turn = std::array::from_fn(|k| {
+            let moment = rotation.derivative(&self.center_of_mass_m, k).cross(&weight) * per_arm;
+            stack(&Vector3i::zeros(), &moment)
+        });
+        Ok((sights, Loading { wrench_n, by_turn }))
+    }
+}
+
+/// The external wrench over a box of poses, N.
+pub(super) struct Loading {
+    pub(super) wrench_n: Vector6<Interval>,
+    pub(super) by_turn: [Vector6<Interval>; 3],
+}
+
+/// `(x, y)/|(x, y)|`: each component rises with its own coordinate, and depends on the size of the other.
+fn direction(span: &Vector3i, x_m: Interval) -> Vector2<Interval> {
+    let component = |along: Interval, across: Interval| {
+        let plain = along / x_m;
+        if along.low() <= 0.0 && along.high() >= 0.0 {
+            return plain;
+        }
+        // cos = 1/sqrt(1 + (across/along)^2)
+        let one = Interval::one();
+        let steep = one / (one + (across / along).square()).sqrt();
+        let signed = if along.low() > 0.0 { steep } else { -steep };
+        plain.intersection(signed).unwrap_or(plain)
+    };
+    Vector2::new(component(span.x, span.y), component(span.y, span.x))
+}
+
+fn stack(force: &Vector3i, moment: &Vector3i) -> Vector6<Interval> {
+    Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+}
+
+impl Sight {
+    /// The force on the platform of a force on the cable.
+    fn push(&self, force_n: &Vector2<Interval>) -> Vector3i {
+        let e = &self.direction;
+        -Vector3i::new(force_n.x * e.x, force_n.x * e.y, force_n.y)
+    }
+
+    /// The wrench of a force on the cable, N.
+    pub(super) fn wrench_n(&self, force_n: &Vector2<Interval>) -> Vector6<Interval> {
+        let push = self.push(force_n);
+        stack(&push, &self.arm.cross(&push))
+    }
+
+    /// Adds to `sums` how the wrench of a force at fixed coordinate changes with each coordinate of the pose.
+    pub(super) fn add_by_pose(
+        &self,
+        sums: &mut [Vector6<Interval>; COORDINATES],
+        force_n: &Vector2<Interval>,
+        by_x_n_m: &Vector2<Interval>,
+        by_z_n_m: &Vector2<Interval>,
+        moment_arm_m: f64,
+    ) {
+        let e = &self.direction;
+        // The plane turns with a sideways move.
+        let turning = force_n.x / self.x_m;
+        let moved = |by: &Vector3i| {
+            let (along, sideways) = (e.x * by.x + e.y * by.y, e.x * by.y - e.y * by.x);
+            let change = by_x_n_m * along + by_z_n_m * by.z;
+            let swing = turning * sideways;
+            -Vector3i::new(change.x * e.x - swing * e.y, change.x * e.y + swing * e.x, change.y)
+        };
+        let by_position: [Vector3i; 3] = std::array::from_fn(|k| moved(&unit(k)));
+        let push = self.push(force_n);
+        let arm_m = Interval::point(moment_arm_m);
+        for k in 0..3 {
+            let by = &by_position[k];
+            sums[k] += stack(by, &self.arm.cross(by));
+            let turn = &self.arm_by_turn[k];
+            let by = by_position[0] * (turn.x * arm_m)
+                + by_position[1] * (turn.y * arm_m)
+                + by_position[2] * (turn.z * arm_m);
+            sums[k + 3] += stack(&by, &(self.arm.cross(&by) + turn.cross(&push)));
+        }
+    }
+}
+
+impl Likeness {
+    pub(super) fn moment_arm_m(&self) -> f64 {
+        self.moment_arm_m
+    }
+}
