@@ -5,7 +5,7 @@ use cdpr_core::controller::{
     WinchTarget,
 };
 use cdpr_core::winch::{Drum, DrumFault, MotorAngle};
-use cdpr_core::{CABLES, Fault, Tracker};
+use cdpr_core::{CABLES, Fault, Table, Tracker};
 use heapless::spsc::Consumer;
 
 use crate::Number;
@@ -26,6 +26,8 @@ pub enum Request {
     Arm,
     /// [`Controller::acknowledge`].
     Acknowledge,
+    /// [`Controller::restart_from`] the warm-start table, where the platform stands.
+    Recover,
 }
 
 /// What has come of a tick.
@@ -40,6 +42,7 @@ pub struct Outcome<T> {
 /// A controller between its way-points and its winches.
 pub struct Control<'q, T: Number> {
     controller: Crane<T>,
+    table: Table<'static>,
     way_points: Consumer<'q, WayPoint<T>>,
     winches: Winches<T>,
 }
@@ -49,18 +52,19 @@ impl<'q, T: Number> Control<'q, T> {
     #[must_use]
     pub fn new(
         controller: Crane<T>,
+        table: Table<'static>,
         way_points: Consumer<'q, WayPoint<T>>,
         winches: Winches<T>,
     ) -> Self {
-        Self { controller, way_points, winches }
+        Self { controller, table, way_points, winches }
     }
 
     /// One tick: from the angles of the motors to their commands.
     #[inline]
     pub fn tick(&mut self, inputs: &Inputs) -> Outcome<T> {
-        let Self { controller, way_points, winches } = self;
+        let Self { controller, table, way_points, winches } = self;
         let readings = winches.readings(inputs.is_stop_pressed);
-        let granted = request(controller, inputs.request, &readings);
+        let granted = request(controller, table, inputs.request, &readings);
         let outputs = controller.tick(&readings, || way_points.dequeue());
         winches.follow(&outputs);
         Outcome { outputs, refusal: granted.err() }
@@ -255,34 +259,38 @@ impl Checksum {
 /// [`Refusal`].
 pub fn request<T: Number>(
     controller: &mut Crane<T>,
+    table: &Table<'_>,
     request: Option<Request>,
     readings: &Readings<T>,
 ) -> Result<(), Refusal<T>> {
     match request {
         Some(Request::Arm) => controller.arm(readings),
         Some(Request::Acknowledge) => controller.acknowledge(readings),
+        Some(Request::Recover) => controller.restart_from(*controller.stance(), table),
         None => Ok(()),
     }
 }
 
-/// The controller at the start of `course`, disarmed.
+/// The controller at the start of `course`, disarmed, on the sheet of a warm-start table.
 ///
 /// # Errors
-/// [`StartFault`] of the constants of [`robot`].
-pub fn start_controller<T: Number>(course: &Course) -> Result<Crane<T>, StartFault<T>> {
+/// [`StartFault`] of the constants of [`robot`], or when the table is for another payload.
+pub fn start_controller<T: Number>(
+    course: &Course,
+    table: &Table<'_>,
+) -> Result<Crane<T>, StartFault<T>> {
     let geometry = |fault| StartFault::Tracker(Fault::Geometry(fault));
-    let (load, states) = (robot::load(&course.payload), robot::start_states(&course.payload));
-    Controller::start(
+    Controller::start_from(
         robot::crane().map_err(geometry)?,
-        load,
+        robot::load(&course.payload),
         robot::settings(),
         robot::controller_settings(),
         Path::new(*course).target().stance,
-        &states,
+        table,
     )
 }
 
-/// The tracker alone, at the start of `course`.
+/// The tracker alone, at the start of `course`, from the states that are written there.
 ///
 /// # Errors
 /// [`Fault`] of the constants of [`robot`].

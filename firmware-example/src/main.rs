@@ -18,12 +18,14 @@ mod image {
     use core::cell::Cell;
     use core::sync::atomic::{AtomicU32, Ordering};
 
-    use cdpr_core::CABLES;
     use cdpr_core::controller::{Event, EventKind, Refusal};
+    use cdpr_core::{CABLES, Table};
     use cdpr_firmware_example::board::{self, Counter};
-    use cdpr_firmware_example::control::{Control, Summary, WayPoints, Winches, start_controller};
+    use cdpr_firmware_example::control::{
+        Control, Request, Summary, WayPoints, Winches, start_controller,
+    };
     use cdpr_firmware_example::rehearsal::{Rehearsal, TICKS};
-    use cdpr_firmware_example::{Float, path, stack};
+    use cdpr_firmware_example::{Float, path, robot, stack};
     use cortex_m::peripheral::SCB;
     use cortex_m::{Peripherals, singleton};
     use cortex_m_rt::exception;
@@ -43,6 +45,7 @@ mod image {
         Progress { rest_lengths_m: [Float; CABLES] },
         Event(Event<Float>),
         Refused { tick: u32, refusal: Refusal<Float> },
+        Recovered { tick: u32, cost: u32 },
         Finished { summary: Summary<Float>, cost: Cost },
     }
 
@@ -105,8 +108,11 @@ mod image {
                 self.summary.add_event(&event);
                 self.report(Report::Event(event));
             }
+            let is_recovery = inputs.request == Some(Request::Recover);
             if let Some(refusal) = outcome.refusal {
                 self.report(Report::Refused { tick, refusal });
+            } else if is_recovery {
+                self.report(Report::Recovered { tick, cost });
             }
             if tick.is_multiple_of(PROGRESS_TICKS) {
                 let command = self.control.controller().tracker().command();
@@ -115,9 +121,12 @@ mod image {
             }
 
             self.cost.total += u64::from(cost);
-            self.cost.worst = self.cost.worst.max(cost);
-            // The next tick is due already.
-            self.cost.overruns += u32::from(SCB::is_pendst_pending());
+            // A recovery takes longer than a tick and may: the brakes are closed, nothing waits for it.
+            if !is_recovery {
+                self.cost.worst = self.cost.worst.max(cost);
+                // The next tick is due already.
+                self.cost.overruns += u32::from(SCB::is_pendst_pending());
+            }
             if tick == TICKS {
                 let (summary, cost) = (self.summary, self.cost);
                 self.report(Report::Finished { summary, cost });
@@ -147,7 +156,8 @@ mod image {
     #[inline(never)]
     fn start() -> Option<(Peripherals, Consumer<'static, Report>)> {
         let peripherals = Peripherals::take()?;
-        let controller = start_controller(&path::TAUT)
+        let table = table()?;
+        let controller = start_controller(&path::TAUT, &table)
             .inspect_err(|fault| error!("no start: {}", Display2Format(fault)))
             .ok()?;
         let winches = Winches::start(&path::TAUT)
@@ -157,7 +167,7 @@ mod image {
         let (reports, to_tell) = singleton!(: Queue<Report, WAITING> = Queue::new())?.split();
         let law = singleton!(: Law = Law {
             rehearsal: Rehearsal::new(path::TAUT, sender),
-            control: Control::new(controller, receiver, winches),
+            control: Control::new(controller, table, receiver, winches),
             summary: Summary::new(),
             counter: Counter::start(),
             cost: Cost { total: 0, worst: 0, overruns: 0, dropped: 0 },
@@ -165,6 +175,22 @@ mod image {
         })?;
         critical_section::with(|cs| HANDOVER.borrow(cs).set(Some(law)));
         Some((peripherals, to_tell))
+    }
+
+    /// The warm-start table, once it has shown that it is not taken for that of another robot.
+    fn table() -> Option<Table<'static>> {
+        let table = Table::open(robot::TABLE)
+            .inspect_err(|fault| error!("no start: warm-start table: {}", Display2Format(fault)))
+            .ok()?;
+        let crane = robot::crane::<Float>()
+            .inspect_err(|fault| error!("no start: {}", Display2Format(fault)))
+            .ok()?;
+        let Err(fault) = table.check(&crane, &robot::load(&robot::EMPTY)) else {
+            error!("no start: the table is taken for a bare platform");
+            return None;
+        };
+        info!("table refused for a bare platform: {}", Display2Format(&fault));
+        Some(table)
     }
 
     /// Logs what has come; ends the run after the last.
@@ -183,6 +209,14 @@ mod image {
                 }
                 Report::Refused { tick, refusal } => {
                     warn!("tick {=u32}: request refused: {}", tick, Display2Format(&refusal));
+                }
+                Report::Recovered { tick, cost } => {
+                    info!(
+                        "tick {=u32}: recovered by the table: {=u32} {=str}",
+                        tick,
+                        cost,
+                        board::COST_UNIT
+                    );
                 }
                 Report::Finished { summary, cost } => {
                     let mean = cost.total / u64::from(summary.ticks);

@@ -1,5 +1,5 @@
 //! What is asked of the controller, in place of an operator and a trajectory generator: once around a
-//! path, with one way-point spoilt and one emergency stop.
+//! path, with one way-point spoilt and one emergency stop, after which it recovers by the warm-start table.
 
 use cdpr_core::Real;
 use cdpr_core::controller::{Pace, State, WayPoint};
@@ -14,11 +14,12 @@ const LOOK_TICKS: u32 = 100;
 /// After so many way-points comes one of which a coordinate is no number.
 const SPOILT_AFTER: u32 = 12;
 
-/// From this tick on the emergency stop is pressed.
-pub const PRESSED_AT: u32 = 5_000;
+/// From this tick on the emergency stop is pressed: half-way, where the platform passes nearly level
+/// through what the warm-start table covers.
+pub const PRESSED_AT: u32 = 4_250;
 
 /// At this tick it is released.
-pub const RELEASED_AT: u32 = 5_300;
+pub const RELEASED_AT: u32 = 4_500;
 
 /// Ticks of the whole rehearsal: 10 s, after which the platform is back, and stands.
 pub const TICKS: u32 = 10_000;
@@ -45,6 +46,8 @@ pub struct Rehearsal<'q, T: Real> {
     /// Way-points of the path still to come.
     left: u32,
     place: Place,
+    /// There was a fault; the operator recovers before he arms.
+    must_recover: bool,
 }
 
 /// Where the last way-point given leaves the platform.
@@ -63,7 +66,7 @@ impl<'q, T: Real> Rehearsal<'q, T> {
     #[must_use]
     pub fn new(course: Course, way_points: Producer<'q, WayPoint<T>>) -> Self {
         let (path, left, place) = (Path::coarse(course), WAY_POINTS_AROUND, Place::AtRest);
-        Self { path, way_points, tick: 0, given: 0, left, place }
+        Self { path, way_points, tick: 0, given: 0, left, place, must_recover: false }
     }
 
     /// The inputs of the next tick, for a controller in this state.
@@ -72,6 +75,7 @@ impl<'q, T: Real> Rehearsal<'q, T> {
         let is_stop_pressed = (PRESSED_AT..RELEASED_AT).contains(&self.tick);
         let mut request = None;
         match state {
+            State::Disarmed if self.must_recover => request = Some(Request::Recover),
             State::Disarmed => request = Some(Request::Arm),
             State::Fault(_) if !is_stop_pressed => request = Some(Request::Acknowledge),
             State::Holding | State::Tracking if self.way_points.is_empty() => self.send(),
@@ -79,8 +83,10 @@ impl<'q, T: Real> Rehearsal<'q, T> {
         }
         if let State::Fault(_) = state {
             self.place = Place::OffPath; // what was sent is dropped
+            self.must_recover = true;
         }
         let request = request.filter(|_| self.tick.is_multiple_of(LOOK_TICKS));
+        self.must_recover &= request != Some(Request::Recover);
         Inputs { is_stop_pressed, request }
     }
 

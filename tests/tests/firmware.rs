@@ -5,11 +5,13 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use cdpr_core::controller::{Cause, Event, EventKind, MotionFault, State};
+use cdpr_core::controller::{
+    Cause, Event, EventKind, MotionFault, Readings, Refusal, StartFault, State,
+};
 use cdpr_core::statics::Balance;
-use cdpr_core::{CABLES, NewtonStep, Real};
+use cdpr_core::{CABLES, Fault, GeometryFault, NewtonStep, Real, Table, TableFault};
 use cdpr_firmware_example::control::{
-    Control, Summary, WayPoints, Winches, start_controller, start_tracker,
+    Control, Crane, Request, Summary, WayPoints, Winches, start_controller, start_tracker,
 };
 use cdpr_firmware_example::path::{Course, PERIOD_S, Path, SLACK, TAUT, TICKS_AROUND};
 use cdpr_firmware_example::plain_step::plain_step;
@@ -25,7 +27,7 @@ struct Machine {
     budget: Budget,
 }
 
-/// What following a branch may take.
+/// What starting on a branch and following it may take.
 struct Budget {
     /// Instructions of a tick, on the most expensive one.
     tick_instructions: u64,
@@ -35,7 +37,18 @@ struct Budget {
     code_bytes: u64,
     /// A tracker, bytes.
     ram_bytes: u64,
+    /// Instructions of checking the bytes of the warm-start table.
+    open_instructions: u64,
+    /// Instructions of look-up and convergence at the dearest pose.
+    seeded_instructions: u64,
+    /// Instructions of the whole start by the table, its certificate included, at the dearest pose.
+    start_instructions: u64,
+    /// Stack of that, bytes.
+    start_stack_bytes: u64,
 }
+
+/// A start by the table takes no more than this on the Cortex-M4F, in instructions.
+const START_GOAL: u64 = 40_000;
 
 /// Cortex-M4F, f32.
 const M4F: Machine = Machine {
@@ -47,6 +60,10 @@ const M4F: Machine = Machine {
         tick_stack_bytes: 2 * 1024,
         code_bytes: 24 * 1024,
         ram_bytes: 2 * 1024,
+        open_instructions: 5_000,
+        seeded_instructions: 20_000,
+        start_instructions: START_GOAL,
+        start_stack_bytes: 5 * 1024,
     },
 };
 
@@ -64,6 +81,10 @@ const M7: Machine = Machine {
         tick_stack_bytes: 3_700,
         code_bytes: 24 * 1024,
         ram_bytes: 4 * 1024,
+        open_instructions: 5_000,
+        seeded_instructions: 30_000,
+        start_instructions: 52_000,
+        start_stack_bytes: 9 * 1024,
     },
 };
 
@@ -92,7 +113,7 @@ fn cortex_m7_stays_within_its_budget() {
 
 /// The image of the controller, against the same rehearsal here.
 fn rehearse<T: Number + Display>(machine: &Machine) {
-    let (summary, events) = on_the_host::<T>();
+    let (summary, events, recovered) = on_the_host::<T>();
     let log = log(machine.firmware);
     for (name, expected) in [
         ("ticks:", summary.ticks),
@@ -113,22 +134,45 @@ fn rehearse<T: Number + Display>(machine: &Machine) {
         };
         assert!(log.contains(&line), "{line}\n{log}");
     }
+    let refused = format!("table refused for a bare platform: {}", TableFault::OtherLoad);
+    assert!(log.contains(&refused), "{refused}\n{log}");
+    // Look-up, convergence and start, within a tick whose other work is little.
+    let recovery = number(&log, &format!("tick {recovered}: recovered by the table:"));
+    within(
+        recovery,
+        machine.budget.start_instructions + machine.budget.tick_instructions,
+        "recovery",
+    );
     let checksum = format!("checksum: {:#018x}", summary.checksum.value());
     assert!(log.contains(&checksum), "the host says {checksum}\n{log}");
 }
 
-/// The rehearsal: that it goes as it should, and what came of it.
-fn on_the_host<T: Number>() -> (Summary<T>, Vec<Event<T>>) {
+/// The rehearsal: that it goes as it should, and what came of it; at which tick it recovered.
+fn on_the_host<T: Number>() -> (Summary<T>, Vec<Event<T>>, u32) {
     let mut way_points = WayPoints::new();
     let (sender, receiver) = way_points.split();
-    let (controller, winches) = (start_controller(&TAUT).unwrap(), Winches::start(&TAUT).unwrap());
-    let mut control = Control::<T>::new(controller, receiver, winches);
+    let table = Table::open(robot::TABLE).unwrap();
+    let controller = start_controller(&TAUT, &table).unwrap();
+    let mut control =
+        Control::<T>::new(controller, table, receiver, Winches::start(&TAUT).unwrap());
     let mut rehearsal = Rehearsal::new(TAUT, sender);
     let (mut summary, mut events) = (Summary::new(), Vec::new());
     let (mut moving, mut resting) = (0, 0);
+    let mut recoveries = Vec::new();
     for tick in 1..=TICKS {
-        let outcome = control.tick(&rehearsal.inputs(&control.state()));
+        let inputs = rehearsal.inputs(&control.state());
+        let before = *control.controller().tracker().command();
+        let outcome = control.tick(&inputs);
         assert_eq!(outcome.refusal, None, "tick {tick}");
+        if inputs.request == Some(Request::Recover) {
+            recoveries.push(tick);
+            // The very solution at which the emergency stop had found the platform.
+            let after = control.controller().tracker().command();
+            for (before, after) in before.cables.iter().zip(&after.cables) {
+                let rounding_m = T::constant(8.0) * T::EPSILON * before.rest_length_m;
+                assert!((after.rest_length_m - before.rest_length_m).abs() <= rounding_m);
+            }
+        }
         summary.add_tick(&control, &outcome.outputs);
         moving += u32::from(control.state() == State::Tracking);
         resting += u32::from(control.state() == State::Holding);
@@ -152,6 +196,7 @@ fn on_the_host<T: Number>() -> (Summary<T>, Vec<Event<T>>) {
     ];
     let passed: Vec<_> = events.iter().map(|event| event.kind).collect();
     assert_eq!(passed, expected);
+    let [recovered] = recoveries[..] else { panic!("recovered at {recoveries:?}") };
     let stop = events.iter().find(|event| event.kind == EventKind::Entered(stopped)).unwrap();
     assert_eq!(stop.tick, PRESSED_AT);
     assert_eq!((summary.ticks, summary.events, summary.states), (TICKS, 10, 9));
@@ -164,7 +209,70 @@ fn on_the_host<T: Number>() -> (Summary<T>, Vec<Event<T>>) {
     let off_m = (control.controller().stance().position_m - home).map(Real::abs);
     let rounding_m = T::constant(64.0) * T::EPSILON;
     assert!(off_m.iter().all(|&c| c < rounding_m), "{off_m:?}");
-    (summary, events)
+    (summary, events, recovered)
+}
+
+/// A controller starts on the sheet of a table, at the solution that is written down for the same pose; anew
+/// only while disarmed, and a restart that is refused changes nothing.
+#[test]
+fn table_starts_and_restarts_the_controller() {
+    starts_and_restarts::<f32>();
+    starts_and_restarts::<f64>();
+}
+
+fn starts_and_restarts<T: Number + Display>() {
+    let table = Table::open(robot::TABLE).unwrap();
+    let mut controller = start_controller::<T>(&TAUT, &table).unwrap();
+    let home = *controller.stance();
+    let lengths_m = |controller: &Crane<T>| {
+        controller.tracker().command().cables.map(|cable| cable.rest_length_m)
+    };
+    let written = start_tracker::<T>(TAUT).unwrap();
+    for (found, written) in lengths_m(&controller).iter().zip(&written.command().cables) {
+        let rounding_m = T::constant(8.0) * T::EPSILON * *found;
+        assert!((*found - written.rest_length_m).abs() <= rounding_m);
+    }
+
+    // For another load there is no start.
+    let refused = start_controller::<T>(&SLACK, &table).unwrap_err();
+    assert_eq!(refused, StartFault::Tracker(Fault::Table(TableFault::OtherLoad)));
+
+    let mut elsewhere = home;
+    elsewhere.position_m.x += T::constant(0.1);
+    let mut outside = home;
+    outside.position_m.x += T::constant(1.0);
+    let mut nowhere = home;
+    nowhere.position_m.x = T::constant(f64::NAN);
+    for (stance, fault) in [
+        (outside, Fault::Table(TableFault::OutsideRegion)),
+        (nowhere, Fault::Geometry(GeometryFault::InvalidPose)),
+    ] {
+        let before = controller.clone();
+        assert_eq!(controller.restart_from(stance, &table), Err(Refusal::NoRestart(fault)));
+        assert_eq!(controller.tracker().command(), before.tracker().command());
+        assert_eq!(controller.stance(), before.stance());
+    }
+
+    let before_m = lengths_m(&controller);
+    controller.restart_from(elsewhere, &table).unwrap();
+    assert_eq!(*controller.stance(), elsewhere);
+    let wanted_m = lengths_m(&controller);
+    assert!(before_m.iter().zip(&wanted_m).any(|(a, b)| (*a - *b).abs() > T::constant(0.02)));
+
+    // Armed from less than the reach away, the winches are aligned with the new lengths.
+    let mut readings = Readings {
+        rest_lengths_m: wanted_m.map(|length_m| length_m + T::constant(0.01)),
+        failed_winch: None,
+        emergency_stop: false,
+    };
+    controller.arm(&readings).unwrap();
+    let not_now = Refusal::NotNow(State::Aligning);
+    assert_eq!(controller.restart_from(home, &table), Err(not_now));
+    for _ in 0..1_000 {
+        let outputs = controller.tick(&readings, || None);
+        readings.rest_lengths_m = outputs.targets.unwrap().map(|target| target.rest_length_m);
+    }
+    assert_eq!((controller.state(), readings.rest_lengths_m), (State::Holding, wanted_m));
 }
 
 /// Every budget of a machine, with what is left of it in the message.
@@ -178,6 +286,15 @@ fn measure(machine: &Machine) {
         within(instructions, budget.tick_instructions, path);
         within(number(&log, &format!("{path}: stack of a tick:")), budget.tick_stack_bytes, path);
     }
+    for (name, budget) in [
+        ("table: open:", budget.open_instructions),
+        ("table: worst look-up and convergence:", budget.seeded_instructions),
+        ("table: worst start:", budget.start_instructions),
+        ("table: stack of a start:", budget.start_stack_bytes),
+    ] {
+        within(number(&log, name), budget, name);
+    }
+    assert!(log.contains("table: 64 of 64 poses have a seed"), "{log}");
     within(number(&log, "controller and queue:"), budget.ram_bytes, "bytes of RAM");
     within(code_bytes, budget.code_bytes, "bytes of code");
     let (condensed, plain) = (number(&log, "condensed step:"), number(&log, "plain step:"));

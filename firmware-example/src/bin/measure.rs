@@ -18,7 +18,10 @@ mod image {
     };
     use cdpr_core::statics::Balance;
     use cdpr_core::winch::{Drum, DrumDesign, MotorAngle, Sense};
-    use cdpr_core::{CABLES, Controller, Fault, NewtonStep, StepFault, Tracker};
+    use cdpr_core::{
+        CABLES, Controller, Fault, NewtonStep, Pose, Real, SetPoint, StepFault, Table, TableFault,
+        Tracker, Twist,
+    };
     use cdpr_firmware_example::board::{self, COST_UNIT, Counter};
     use cdpr_firmware_example::control::start_tracker;
     use cdpr_firmware_example::path::{self, Course, Path, TICKS_AROUND};
@@ -26,7 +29,7 @@ mod image {
     use cdpr_firmware_example::robot::{self, Model};
     use cdpr_firmware_example::{Float, stack};
     use defmt::{Display2Format, error, info};
-    use nalgebra::{Quaternion, UnitQuaternion};
+    use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
@@ -34,6 +37,7 @@ mod image {
         let outcome = path("taut path", &counter, path::TAUT)
             .and_then(|()| path("slack path", &counter, path::SLACK))
             .and_then(|()| steps(&counter))
+            .and_then(|()| table(&counter))
             .and_then(|()| winch_commands(&counter));
         if let Err(fault) = &outcome {
             error!("{}", Display2Format(fault));
@@ -81,6 +85,73 @@ mod image {
         }
         info!("{=str}: stack of a tick: {=usize} bytes", name, deepest);
         Ok(())
+    }
+
+    /// A start by the warm-start table: opening it, and the dearest look-up, convergence and whole start of
+    /// many poses.
+    fn table(counter: &Counter) -> Result<(), Fault<Float>> {
+        let bytes = black_box(robot::TABLE);
+        let (table, cost) = counter.count(|| Table::open(bytes));
+        let table = table.map_err(Fault::Table)?;
+        info!("table: {=usize} bytes, {=u8} steps", bytes.len(), table.steps());
+        info!("table: open: {=u32} {=str}", cost, COST_UNIT);
+        let robot = robot::crane::<Float>().map_err(Fault::Geometry)?;
+        let load = robot::load(&path::TAUT.payload);
+        let still = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+        let (mut seeds, mut states, mut starts, mut deepest, mut covered) = (0, 0, 0, 0, 0);
+        for number in 1..=TABLE_POSES {
+            let pose = spread_pose(&table, number)?;
+            let set_point = black_box(SetPoint { pose, twist: still });
+            let (seed, cost) = counter.count(|| table.seed_at(&set_point.pose));
+            match seed {
+                Err(TableFault::Uncovered(_)) => continue,
+                found => found.map_err(Fault::Table)?,
+            };
+            seeds = seeds.max(cost);
+            let (found, cost) = counter.count(|| table.states(&robot, &load, &set_point.pose));
+            found.map_err(Fault::Table)?;
+            states = states.max(cost);
+            let start = || Tracker::start_from(robot, load, robot::settings(), &set_point, &table);
+            let (tracker, cost) = counter.count(start);
+            tracker?;
+            starts = starts.max(cost);
+            if covered == 0 {
+                let (tracker, bytes) = stack::used_by(start);
+                tracker?;
+                deepest = bytes;
+            }
+            covered += 1;
+        }
+        info!("table: {=u32} of {=u32} poses have a seed", covered, TABLE_POSES);
+        info!("table: worst look-up: {=u32} {=str}", seeds, COST_UNIT);
+        info!("table: worst look-up and convergence: {=u32} {=str}", states, COST_UNIT);
+        info!("table: worst start: {=u32} {=str}", starts, COST_UNIT);
+        info!("table: stack of a start: {=usize} bytes", deepest);
+        Ok(())
+    }
+
+    /// Poses at which starts by the table are measured.
+    const TABLE_POSES: u32 = 64;
+
+    /// Poses spread over the region of a table: multiples of irrational parts of its extents, wrapped.
+    fn spread_pose<T: Real>(table: &Table<'_>, number: u32) -> Result<Pose<T>, Fault<T>> {
+        // The roots of 2, 3, 5, 7, 11 and 13, less their whole parts, times 2^32.
+        const STEPS: [u32; 6] =
+            [0x6a09_e667, 0xbb67_ae85, 0x3c6e_f372, 0xa54f_f53a, 0x510e_527f, 0x9b05_688c];
+        let (low, extent) = (table.low(), table.extent());
+        let c: [T; 6] = core::array::from_fn(|k| {
+            let share = f64::from(number.wrapping_mul(STEPS[k])) / 4_294_967_296.0;
+            T::constant(f64::from(low[k]) + f64::from(extent[k]) * share)
+        });
+        // From the sine of the turn to that of its half.
+        let half = T::constant(0.5);
+        let turn = Vector3::new(c[3], c[4], c[5]);
+        let cos = (T::one() - turn.x * turn.x - turn.y * turn.y - turn.z * turn.z).sqrt();
+        let w = ((T::one() + cos) * half).sqrt();
+        let v = turn * (half / w);
+        let orientation = UnitQuaternion::new_unchecked(Quaternion::new(w, v.x, v.y, v.z));
+        let stance = Stance { position_m: Vector3::new(c[0], c[1], c[2]), orientation };
+        stance.pose().map_err(Fault::Geometry)
     }
 
     /// Rest lengths and their rates as angles and speeds of six motors.

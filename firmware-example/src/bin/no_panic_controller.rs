@@ -22,8 +22,8 @@ mod image {
         VelocitySettings, Winch,
     };
     use cdpr_core::{
-        CABLES, Cable, CableLimits, CableState, IrvineCatenary, Load, Real, Robot, TrackerSettings,
-        Twist,
+        CABLES, Cable, CableLimits, CableState, IrvineCatenary, Load, Real, Robot, SetPoint, Table,
+        Tracker, TrackerSettings, Twist,
     };
     use embedded_hal::digital::{ErrorKind, ErrorType, InputPin, OutputPin, PinState};
     use embedded_hal::{pwm, spi};
@@ -131,6 +131,19 @@ mod image {
         let started =
             Controller::<T, _, 8>::start(robot, load, tracker, settings, stance(), &states);
         let mut controller = black_box(told(started)?);
+        // Any bytes, any length: a table comes from outside.
+        let table = black_box(told(Table::open(black_box::<&[u8]>(&[])))?);
+        told(table.check(&robot, &load));
+        let set_point = SetPoint {
+            pose: told(stance().pose())?,
+            twist: Twist { linear_m_s: vector(), angular_rad_s: vector() },
+        };
+        told(table.seed_at(&set_point.pose));
+        told(table.states(&robot, &load, &set_point.pose));
+        let started = Tracker::start_from(robot, load, tracker, &set_point, &table);
+        told(black_box(told(started)?).restart_from(&set_point, &table));
+        told(Controller::<T, _, 8>::start_from(robot, load, tracker, settings, stance(), &table));
+        told(controller.restart_from(stance(), &table));
         told(controller.arm(&readings()));
         black_box(controller.tick(&readings(), || black_box(Some(way_point()))));
         told(controller.stop());
