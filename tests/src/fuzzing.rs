@@ -1,13 +1,22 @@
-//! Any bytes at all as set-points, twists, limits, readings and requests: whatever comes, nothing panics,
-//! every output is finite and within its limits, and the work of a tick is bounded.
+//! Any bytes at all as set-points, twists, limits, readings and requests, as warm-start tables and as robot
+//! files: whatever comes, nothing panics, every output is finite and within its limits, and the work of a tick or
+//! a look-up is bounded.
 
 use cdpr_core::controller::{
     ControllerSettings, MotionLimits, Pace, Readings, Stance, State, WayPoint,
 };
+use cdpr_core::table::{
+    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, NODE_BYTES, SEED_BYTES, VERSION, checksum,
+    offset,
+};
 use cdpr_core::tracker::MAX_PARTS;
-use cdpr_core::{CABLES, Command, Controller, Pose, SetPoint, Tracker, TrackerSettings, Twist};
+use cdpr_core::{
+    CABLES, Cable, Command, Controller, Pose, SetPoint, Table, TableFault, Tracker,
+    TrackerSettings, Twist,
+};
 use cdpr_firmware_example::path::TAUT;
 use cdpr_firmware_example::robot::{self, Model};
+use cdpr_host_sim::robot_file::{RobotDescription, RobotFileError};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Set-points or requests of one run: more bytes are left over.
@@ -235,4 +244,136 @@ pub fn controller(bytes: &[u8]) {
             readings.rest_lengths_m = lengths_m;
         }
     }
+}
+
+/// Look-ups in one table.
+const LOOK_UPS: usize = 4;
+
+/// A warm-start table: as it is, and then with a header that gets it opened, so that what is behind is reached.
+///
+/// # Panics
+/// When a look-up is not what it should be.
+pub fn table(bytes: &[u8]) {
+    if let Ok(table) = Table::open(bytes) {
+        look_up(&table, bytes);
+    }
+    let Some(bytes) = repaired(bytes) else { return };
+    let table = Table::open(&bytes).unwrap_or_else(|fault| panic!("repaired: {fault}"));
+    look_up(&table, &bytes);
+}
+
+/// The same contents with a header and a checksum that go with them; `None` when there are too few.
+fn repaired(bytes: &[u8]) -> Option<Vec<u8>> {
+    let whole = bytes.len() / NODE_BYTES * NODE_BYTES;
+    let mut bytes = bytes[..whole].to_vec();
+    let body = whole.checked_sub(offset::TREE + CRC_BYTES + NODE_BYTES)?;
+    let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k])) as usize;
+    // As many seeds as it says, or as there is room for; the rest are nodes.
+    let seeds = word(offset::SEEDS) % (body / SEED_BYTES + 1);
+    let nodes = 1 + (body - SEED_BYTES * seeds) / NODE_BYTES;
+    for (at, count) in [(offset::TOTAL, whole), (offset::NODES, nodes), (offset::SEEDS, seeds)] {
+        bytes[at..at + 4].copy_from_slice(&u32::try_from(count).ok()?.to_le_bytes());
+    }
+    bytes[..MAGIC.len()].copy_from_slice(&MAGIC);
+    bytes[offset::VERSION..offset::VERSION + 2].copy_from_slice(&VERSION.to_le_bytes());
+    bytes[offset::MODEL] = ELASTIC_CATENARY;
+    for k in 0..COORDINATES {
+        for (field, smallest) in [(offset::LOW, f32::MIN), (offset::EXTENT, f32::from_bits(1))] {
+            let at = field + 4 * k;
+            let number = f32::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
+            if !(number >= smallest && number.is_finite()) {
+                bytes[at..at + 4].copy_from_slice(&1.0_f32.to_le_bytes());
+            }
+        }
+    }
+    let protected = whole - CRC_BYTES;
+    let sum = checksum(&bytes[..protected]);
+    bytes[protected..].copy_from_slice(&sum.to_le_bytes());
+    Some(bytes)
+}
+
+fn look_up(table: &Table<'_>, bytes: &[u8]) {
+    let Ok(robot) = robot::crane::<f32>() else { unreachable!("constants") };
+    let load = robot::load(&TAUT.payload);
+    let mine = table.check(&robot, &load);
+    assert!(matches!(
+        mine,
+        Ok(()) | Err(TableFault::OtherCable(0..CABLES) | TableFault::OtherLoad)
+    ));
+    assert!(table.node(table.nodes()).is_none());
+    assert!(table.seed(table.seeds()).is_none());
+    let (low, extent) = (table.low(), table.extent());
+    // Poses from the far end, where there are seeds.
+    let from = bytes.len() - bytes.len().min(64 * LOOK_UPS);
+    let mut source = Source(&bytes[from..]);
+    for _ in 0..LOOK_UPS {
+        let at: [f32; COORDINATES] =
+            std::array::from_fn(|k| low[k] + extent[k] * 0.5 * (1.0 + source.number()));
+        let sine = Vector3::new(at[3], at[4], at[5]);
+        let half = (0.5 * (1.0 + (1.0 - sine.norm_squared()).max(0.0).sqrt())).sqrt();
+        let v = sine / (2.0 * half);
+        let turn = UnitQuaternion::new_unchecked(Quaternion::new(half, v.x, v.y, v.z));
+        let Ok(pose) = Pose::new(Vector3::new(at[0], at[1], at[2]), turn) else { continue };
+        let seed = table.seed_at(&pose);
+        let states = table.states(&robot, &load, &pose);
+        match (seed, states) {
+            (Ok(_), Ok(states)) => {
+                for state in states {
+                    assert!(state.force_n.iter().all(|force_n| force_n.is_finite()));
+                    assert!(state.rest_length_m.is_finite());
+                }
+            }
+            (Ok(_), Err(fault)) => assert_eq!(fault, TableFault::Malformed),
+            (Err(fault), states) => {
+                assert_eq!(states, Err(fault));
+                assert!(matches!(
+                    fault,
+                    TableFault::OutsideRegion | TableFault::Uncovered(_) | TableFault::Malformed
+                ));
+            }
+        }
+        let twist = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+        let settings = robot::settings();
+        let set_point = SetPoint { pose, twist };
+        if let Ok(tracker) = Tracker::start_from(robot, load, settings, &set_point, table) {
+            assert!(mine.is_ok() && seed.is_ok());
+            check(tracker.command(), &settings);
+        }
+    }
+}
+
+/// A robot file.
+///
+/// # Panics
+/// When a robot that is accepted is none, or a refusal names no place in the text.
+pub fn robot_file(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let robot = match RobotDescription::parse(&text, "fuzzed.toml") {
+        Ok(robot) => robot,
+        Err(RobotFileError::Content { path, line, field, message }) => {
+            assert_eq!(path, "fuzzed.toml");
+            // An end that is missing is missed behind the last line.
+            assert!((1..=text.split('\n').count()).contains(&line), "line {line}: {message}");
+            assert!(!field.is_empty() && !message.is_empty());
+            return;
+        }
+        Err(error) => panic!("{error}"),
+    };
+    let is_positive = |number: f64| number > 0.0 && number.is_finite();
+    let is_finite = |vector: &Vector3<f64>| vector.iter().all(|number| number.is_finite());
+    let load = &robot.load;
+    assert!(is_positive(load.mass_kg) && is_positive(load.gravity_m_s2));
+    assert!([load.center_of_mass_m, load.force_n, load.moment_nm].iter().all(is_finite));
+    let cables = robot.robot.cables();
+    for (i, (cable, limits)) in cables.iter().zip(&robot.limits).enumerate() {
+        assert!(is_finite(&cable.anchor_m) && is_finite(&cable.attachment_m));
+        assert!(is_positive(cable.model.linear_density_kg_m));
+        // Infinite: no limit, no stretch.
+        assert!(cable.model.axial_stiffness_n > 0.0);
+        assert!(limits.max_length_m > 0.0 && limits.max_tension_n > 0.0);
+        assert!(cables[..i].iter().all(|other| other.anchor_m != cable.anchor_m));
+    }
+    // The squares of larger numbers are beyond f64: not caught when the file is read.
+    let is_small = |cable: &Cable<f64, _>| cable.attachment_m.iter().all(|b| b.abs() < 1e150);
+    assert!(!cables.iter().all(is_small) || is_positive(robot.robot.moment_arm_m()));
 }

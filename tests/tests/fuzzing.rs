@@ -7,18 +7,41 @@ use cdpr_tests::{fuzzing, random_tests};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// What the fuzzer found worth keeping: bytes that lead into all corners of the code.
-#[test]
-fn corpus_is_safe() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/controller");
+const TABLE: &[u8] = include_bytes!("../../fuzz/corpus/table/whole");
+const ROBOT: &str = include_str!("../../host-sim/robots/marionet-crane.toml");
+
+/// Runs what was found worth keeping: bytes that lead into all corners of the code.
+fn replay(target: &str, least: usize, run: impl Fn(&[u8])) {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
     let files: Vec<_> = fs::read_dir(corpus).unwrap().map(|file| file.unwrap().path()).collect();
-    assert!(files.len() >= 24, "{} files", files.len());
+    assert!(files.len() >= least, "{} files", files.len());
     for file in files {
         println!("{}", file.display()); // shown when it fails
-        let bytes = fs::read(file).unwrap();
-        fuzzing::tracker(&bytes);
-        fuzzing::controller(&bytes);
+        run(&fs::read(file).unwrap());
     }
+}
+
+fn control(bytes: &[u8]) {
+    fuzzing::tracker(bytes);
+    fuzzing::controller(bytes);
+}
+
+#[test]
+fn corpus_is_safe() {
+    replay("controller", 24, control);
+    replay("table", 17, fuzzing::table);
+    replay("robot_file", 19, fuzzing::robot_file);
+}
+
+/// A file with some bytes written over, and an end that may be cut off.
+fn edited(whole: &[u8], edits: &[(prop::sample::Index, u8)], kept: prop::sample::Index) -> Vec<u8> {
+    let mut bytes = whole.to_vec();
+    for (at, new) in edits {
+        bytes[at.index(whole.len())] = *new;
+    }
+    // Half of them are as long as they were.
+    bytes.truncate(kept.index(2 * whole.len()));
+    bytes
 }
 
 proptest! {
@@ -26,14 +49,31 @@ proptest! {
 
     #[test]
     fn any_bytes_are_safe(bytes in vec(any::<u8>(), 0..4000)) {
-        fuzzing::tracker(&bytes);
-        fuzzing::controller(&bytes);
+        control(&bytes);
+        fuzzing::table(&bytes);
+        fuzzing::robot_file(&bytes);
     }
 
     /// Ordinary numbers get further.
     #[test]
     fn tame_bytes_are_safe(bytes in vec(100_u8..152, 0..4000)) {
-        fuzzing::tracker(&bytes);
-        fuzzing::controller(&bytes);
+        control(&bytes);
+    }
+
+    #[test]
+    fn damaged_tables_are_safe(
+        edits in vec(any::<(prop::sample::Index, u8)>(), 0..40),
+        kept in any::<prop::sample::Index>(),
+    ) {
+        fuzzing::table(&edited(TABLE, &edits, kept));
+    }
+
+    #[test]
+    fn damaged_robot_files_are_safe(
+        // What numbers, names and tables are made of.
+        edits in vec((any::<prop::sample::Index>(), prop::sample::select(b"0123456789.-+e_[]{},=\"#\nnaif".to_vec())), 0..6),
+        kept in any::<prop::sample::Index>(),
+    ) {
+        fuzzing::robot_file(&edited(ROBOT.as_bytes(), &edits, kept));
     }
 }
