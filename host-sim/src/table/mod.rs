@@ -258,12 +258,16 @@ impl Order {
     /// Number of tiles.
     #[must_use]
     pub fn tiles(&self) -> usize {
+        self.tile_boxes().len()
+    }
+
+    fn tile_boxes(&self) -> Vec<PoseBox> {
         let mut tiles = Vec::new();
         self.tile(&self.region().poses, &mut |tile| {
             tiles.push(*tile);
             Plan::Nothing(Gap::Other)
         });
-        tiles.len()
+        tiles
     }
 
     /// Divides the region, and puts together what `make` makes of each tile.
@@ -302,7 +306,7 @@ impl Order {
             sheet_lengths_m: self.start_lengths_m,
             limits_m: self.max_lengths_m,
         };
-        let bytes = file::write(prover.robot(), &self.machine().1, &header, &plan)?;
+        let bytes = file::write(prover.robot(), prover.load(), &header, &plan)?;
         let table = Table::open(&bytes).expect("what was just written");
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
         let (mut wanted, mut covered) = (0, 0);
@@ -342,11 +346,7 @@ impl Order {
     ) -> Result<Result<(), E>, OrderError> {
         let (prover, region) = (self.prover(), self.region());
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
-        let mut tiles = Vec::new();
-        self.tile(&region.poses, &mut |tile| {
-            tiles.push(*tile);
-            Plan::Nothing(Gap::Other)
-        });
+        let tiles = self.tile_boxes();
         let (prover, survey) = (&prover, &survey);
         let tiler = Tiler { prover, survey, region: &region.poses, effort: self.effort };
         let questions: Vec<(usize, PoseBox)> = wanted.iter().map(|&n| (n, tiles[n])).collect();

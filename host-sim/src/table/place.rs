@@ -124,7 +124,7 @@ impl Rotation {
 }
 
 /// `value` and all that is taken for it: see [`LIKENESS`].
-fn alike(value: f64) -> Interval {
+pub(super) fn alike(value: f64) -> Interval {
     Interval::around(value, LIKENESS * value.abs())
 }
 

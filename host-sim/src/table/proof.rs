@@ -28,13 +28,13 @@
 
 use cdpr_core::chart::{ChartStep, Charted, Hung, chart_of_root, root};
 use cdpr_core::statics::Balance;
-use cdpr_core::table::{COORDINATES, Gap, LIKENESS, TOLERANCE};
+use cdpr_core::table::{COORDINATES, Gap, TOLERANCE};
 use cdpr_core::{CABLES, IrvineCatenary, Load, Robot};
 use nalgebra::{Matrix6, Vector2, Vector6};
 use num_traits::{One, Zero};
 
 use super::Model;
-use super::place::{Likeness, Point, PoseBox, Sight, pose};
+use super::place::{Likeness, Point, PoseBox, Sight, alike, pose};
 use crate::dual::Dual;
 use crate::interval::Interval;
 
@@ -125,7 +125,6 @@ impl Reach {
 
 impl Prover {
     pub(super) fn new(robot: &Robot<f64, Model>, load: &Load<f64>) -> Self {
-        let alike = |value: f64| Interval::around(value, LIKENESS * value.abs());
         let models = std::array::from_fn(|i| {
             let model = &robot.cables()[i].model;
             IrvineCatenary {
@@ -139,6 +138,10 @@ impl Prover {
 
     pub(super) fn robot(&self) -> &Robot<f64, Model> {
         &self.robot
+    }
+
+    pub(super) fn load(&self) -> &Load<f64> {
+        &self.load
     }
 
     pub(super) fn balance(&self, at: &Point) -> Option<Balance<f64>> {
@@ -166,7 +169,7 @@ impl Prover {
     }
 
     /// The same, if so many steps come as close as a table asks for.
-    pub(super) fn settle_in_time(
+    fn settle_in_time(
         &self,
         balance: &Balance<f64>,
         seed: &[f64; CABLES],
@@ -242,7 +245,6 @@ impl Prover {
             return open(Gap::Unproven);
         }
 
-        // The solution.
         // Where already the poses alone turn the matrix too far there is no need to look at the curves.
         let Some(thin) = self.turned(&sights, &center) else { return open(Gap::SingularCable) };
         let Some(least) = fed_back(&defect(&inverse, &sights, &thin), &eta) else {
