@@ -14,10 +14,14 @@ use crate::continuation::Steps;
 use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
 use crate::output;
-use crate::robot_file::{RobotDescription, RobotFileError};
+use crate::robot_file::RobotDescription;
+use crate::simulate::summary::Outcome;
+use crate::simulate::{BeginError, TrajectoryError};
 use crate::table::{JournalError, OrderError};
+use crate::toml_file::TomlFileError;
 use cdpr_core::TableFault;
 
+mod simulate;
 mod table;
 
 /// The paper's pose with five solutions: position in m, mass in kg, linear density in kg/m.
@@ -53,6 +57,8 @@ enum Command {
     /// Warm-start tables for the controller: build, merge, inspect, verify
     #[command(subcommand)]
     Table(table::TableCommand),
+    /// Drive a physical model of the robot along a trajectory with the controller, faults included
+    Simulate(Box<simulate::Simulate>),
 }
 
 /// A robot, a pose of it, and what replaces values of the robot file.
@@ -143,9 +149,9 @@ enum Format {
 /// Why the command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
-    /// The robot file is not valid.
+    /// The robot file, or that of the faults, is not valid.
     #[error(transparent)]
-    Robot(#[from] RobotFileError),
+    Robot(#[from] TomlFileError),
     /// The file of cases is not valid.
     #[error(transparent)]
     Cases(#[from] CasesError),
@@ -202,6 +208,21 @@ pub enum CliError {
     /// A table failed its check.
     #[error("the table is wrong at {0} poses")]
     Wrong(usize),
+    /// The trajectory is not valid.
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    /// A simulation does not begin.
+    #[error(transparent)]
+    Begin(#[from] BeginError),
+    /// A simulation cannot go on.
+    #[error("{0}")]
+    Simulation(String),
+    /// The platform did not get to the end of the trajectory.
+    #[error("the platform: {0}")]
+    NotTracked(Outcome),
+    /// Somebody wanted it to end.
+    #[error("interrupted; the log is whole up to here")]
+    Interrupted,
     /// The answer could not be written.
     #[error("writing the answer: {0}")]
     Output(#[from] io::Error),
@@ -212,7 +233,13 @@ impl CliError {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Output(_) | Self::Threads(_) | Self::Plot(_) | Self::Wrong(_) => 1,
+            Self::Output(_)
+            | Self::Threads(_)
+            | Self::Plot(_)
+            | Self::Wrong(_)
+            | Self::Simulation(_)
+            | Self::NotTracked(_) => 1,
+            Self::Interrupted => 130, // as a shell says it
             _ => 2,
         }
     }
@@ -228,6 +255,7 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
         Some(Command::Enumerate(options)) => options.run(out),
         Some(Command::Branches(options)) => options.run(out),
         Some(Command::Table(command)) => command.run(out),
+        Some(Command::Simulate(options)) => options.run(out),
         None => cli.enumerate.run(out),
     }
 }

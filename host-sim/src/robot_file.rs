@@ -3,14 +3,19 @@
 //! Every refusal names the file, the line and the field. See `robots/marionet-crane.toml` for a
 //! complete example.
 
-use std::fmt;
-use std::ops::Range;
 use std::path::Path;
+
+mod machinery;
+
+pub use machinery::{Body, Control, WinchDesign};
+use machinery::{RawBody, RawControl, RawWinchDesign};
 
 use cdpr_core::{CABLES, Cable, GeometryFault, Load, Robot};
 use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
+
+use crate::toml_file::{Source, TomlFileError};
 
 /// Standard gravity used when the file gives none, m/s^2.
 const DEFAULT_GRAVITY_M_S2: f64 = 9.81;
@@ -47,43 +52,24 @@ pub struct RobotDescription {
     pub limits: [CableLimits; CABLES],
     /// What the platform carries.
     pub load: Load<f64>,
-}
-
-/// Why a robot file was refused.
-#[derive(Debug, thiserror::Error)]
-pub enum RobotFileError {
-    /// The file could not be read.
-    #[error("{path}: {source}")]
-    Read {
-        /// The file.
-        path: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Something in the file is wrong.
-    #[error("{path}:{line}: {field}: {message}")]
-    Content {
-        /// The file.
-        path: String,
-        /// Line, counted from 1.
-        line: usize,
-        /// The field, as a path from the top of the file; cables are counted from 1.
-        field: String,
-        /// What is wrong with it.
-        message: String,
-    },
+    /// The platform as a body that moves.
+    pub body: Body,
+    /// What turns the drums.
+    pub winch: WinchDesign,
+    /// What the controller is told.
+    pub control: Control,
 }
 
 impl RobotDescription {
     /// Reads a robot file.
     ///
     /// # Errors
-    /// [`RobotFileError`], naming file, line and field.
-    pub fn read(path: &Path) -> Result<Self, RobotFileError> {
+    /// [`TomlFileError`], naming file, line and field.
+    pub fn read(path: &Path) -> Result<Self, TomlFileError> {
         let name = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => Self::parse(&text, &name),
-            Err(source) => Err(RobotFileError::Read { path: name, source }),
+            Err(source) => Err(TomlFileError::Read { path: name, source }),
         }
     }
 
@@ -99,107 +85,12 @@ impl RobotDescription {
     /// Reads a robot file from its text; `path` is only for messages.
     ///
     /// # Errors
-    /// [`RobotFileError::Content`].
-    pub fn parse(text: &str, path: &str) -> Result<Self, RobotFileError> {
+    /// [`TomlFileError::Content`].
+    pub fn parse(text: &str, path: &str) -> Result<Self, TomlFileError> {
         let source = Source { text, path };
-        let document = source.deserialize()?;
+        let document: Document = source.deserialize()?;
         document.check(&source)
     }
-}
-
-/// The text of a robot file, for turning a place in it into a message.
-struct Source<'a> {
-    text: &'a str,
-    path: &'a str,
-}
-
-impl Source<'_> {
-    fn deserialize(&self) -> Result<Document, RobotFileError> {
-        let document = toml::Deserializer::parse(self.text)
-            .map_err(|error| self.refuse(error.span().unwrap_or(0..0), "TOML", error.message()))?;
-        serde_path_to_error::deserialize(document).map_err(|error| {
-            let field = from_one(error.path());
-            let error = error.into_inner();
-            // A message like "missing field" belongs to the table named by the path.
-            self.refuse(error.span().unwrap_or(0..0), &field, error.message())
-        })
-    }
-
-    fn refuse(
-        &self,
-        place: Range<usize>,
-        field: &str,
-        message: impl fmt::Display,
-    ) -> RobotFileError {
-        let before = self.text.get(..place.start).unwrap_or_default();
-        RobotFileError::Content {
-            path: self.path.to_owned(),
-            line: 1 + before.matches('\n').count(),
-            field: field.to_owned(),
-            message: message.to_string(),
-        }
-    }
-
-    fn number(
-        &self,
-        value: &Spanned<f64>,
-        field: &str,
-        good: impl Fn(f64) -> bool,
-        need: &str,
-    ) -> Result<f64, RobotFileError> {
-        let number = *value.get_ref();
-        if good(number) {
-            Ok(number)
-        } else {
-            Err(self.refuse(value.span(), field, format_args!("{number} is not {need}")))
-        }
-    }
-
-    fn positive(&self, value: &Spanned<f64>, field: &str) -> Result<f64, RobotFileError> {
-        self.number(value, field, |v| v > 0.0 && v.is_finite(), "positive and finite")
-    }
-
-    /// Positive, or infinite for "no limit".
-    fn positive_or_infinite(
-        &self,
-        value: &Spanned<f64>,
-        field: &str,
-    ) -> Result<f64, RobotFileError> {
-        self.number(value, field, |v| v > 0.0, "positive")
-    }
-
-    fn vector(
-        &self,
-        value: &Spanned<Vec<f64>>,
-        field: &str,
-    ) -> Result<Vector3<f64>, RobotFileError> {
-        // Not an array of three: serde would read [8,826, ...] and drop what is too many.
-        let &[x, y, z] = value.get_ref().as_slice() else {
-            let count = value.get_ref().len();
-            let message = format_args!("{count} numbers given, three needed");
-            return Err(self.refuse(value.span(), field, message));
-        };
-        let vector = Vector3::new(x, y, z);
-        if vector.iter().all(|c| c.is_finite()) {
-            Ok(vector)
-        } else {
-            Err(self.refuse(value.span(), field, "a coordinate is not finite"))
-        }
-    }
-}
-
-/// The path of a field with array indices counted from 1, like the cables everywhere else.
-fn from_one(path: &serde_path_to_error::Path) -> String {
-    use serde_path_to_error::Segment;
-    let segments = path.iter().filter_map(|segment| match segment {
-        Segment::Seq { index } => Some(format!("[{}]", index + 1)),
-        // The inside of a value that remembers its place.
-        Segment::Map { key } if key.starts_with('$') => None,
-        Segment::Map { key } | Segment::Enum { variant: key } => Some(format!(".{key}")),
-        Segment::Unknown => Some(".?".to_owned()),
-    });
-    let text: String = segments.collect();
-    if text.is_empty() { "top level".to_owned() } else { text.trim_start_matches('.').to_owned() }
 }
 
 #[derive(Deserialize)]
@@ -210,6 +101,12 @@ struct Document {
     platform: Platform,
     cable: CommonCable,
     cables: Spanned<Vec<Spanned<OneCable>>>,
+    #[serde(default)]
+    body: RawBody,
+    #[serde(default)]
+    winch: RawWinchDesign,
+    #[serde(default)]
+    control: RawControl,
 }
 
 #[derive(Deserialize)]
@@ -242,7 +139,7 @@ struct OneCable {
 }
 
 impl Document {
-    fn check(self, source: &Source<'_>) -> Result<RobotDescription, RobotFileError> {
+    fn check(self, source: &Source<'_>) -> Result<RobotDescription, TomlFileError> {
         let gravity_m_s2 = match &self.gravity_m_s2 {
             Some(value) => source.positive(value, "gravity_m_s2")?,
             None => DEFAULT_GRAVITY_M_S2,
@@ -294,7 +191,9 @@ impl Document {
             };
             source.refuse(place, &field, fault)
         })?;
-        Ok(RobotDescription { name: self.name, robot, limits, load })
+        let body = self.body.check(source)?;
+        let (winch, control) = (self.winch.check(source)?, self.control.check(source)?);
+        Ok(RobotDescription { name: self.name, robot, limits, load, body, winch, control })
     }
 }
 
@@ -304,7 +203,7 @@ impl OneCable {
         common: &CommonCable,
         index: usize,
         source: &Source<'_>,
-    ) -> Result<(Cable<f64, CableMaterial>, CableLimits), RobotFileError> {
+    ) -> Result<(Cable<f64, CableMaterial>, CableLimits), TomlFileError> {
         let own = |field: &str| format!("cables[{}].{field}", index + 1);
         // The cable's own value, or the common one, each named by where it stands.
         let pick = |mine: &Option<Spanned<f64>>, all: Option<&Spanned<f64>>, field: &str| {

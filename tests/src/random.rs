@@ -108,6 +108,7 @@ pub fn request_of_random_robot(rng: &mut impl Rng) -> Request {
             robot: Robot::new(cables).expect("six anchors"),
             limits,
             load,
+            ..RobotDescription::marionet_crane()
         },
         position_m: [
             sides_m[0] * uniform(rng, [0.0, 1.0]),

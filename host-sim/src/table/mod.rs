@@ -383,8 +383,8 @@ pub(crate) fn machine(
     Ok((Robot::new(cables)?, load))
 }
 
-/// The solution at the pose of `request` through which the sheet goes.
-fn choose(
+/// One of all solutions at the pose of `request`: the best by `choice`, or by its number.
+pub(crate) fn choose(
     request: &Request,
     choice: Choice,
     number: Option<usize>,

@@ -1,0 +1,230 @@
+//! The controller in the loop: that of core on the host, in either precision.
+
+use cdpr_core::winch::{Countable, Drum, DrumFault, MotorAngle};
+use cdpr_core::{
+    CABLES, Cable, CableState, GeometryFault, IrvineCatenary, Load, Pose, Robot, SetPoint, Table,
+    Tracker, Twist,
+};
+use cdpr_link::station::{Blueprint, StationFault};
+use cdpr_link::{Decision, Inputs, Start, Station};
+use nalgebra::Vector3;
+
+use super::trajectory::Trajectory;
+use crate::enumerate::{ModelKind, Request};
+use crate::problem::FromMaterial as _;
+use crate::robot_file::RobotDescription;
+use crate::table::{Choice, OrderError, choose};
+
+/// What decides in each period: the controller on the host, firmware, or a user's own.
+pub trait Controller {
+    /// Why there is no decision.
+    type Error;
+
+    /// One period.
+    ///
+    /// # Errors
+    /// As it says itself; the simulation then ends.
+    fn tick(&mut self, inputs: &Inputs) -> Result<Decision<f64>, Self::Error>;
+}
+
+/// The number type of a controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Precision {
+    /// Single, as on a Cortex-M4F.
+    #[default]
+    F32,
+    /// Double, as on a Cortex-M7.
+    F64,
+}
+
+/// Why a simulation does not begin.
+#[derive(Debug, thiserror::Error)]
+pub enum BeginError {
+    /// The robot, in the precision of the controller.
+    #[error("robot: {0}")]
+    Robot(GeometryFault),
+    /// No solution to start with.
+    #[error("at the first set-point: {0}")]
+    Solution(OrderError),
+    /// The controller refuses to start.
+    #[error("the controller does not start: {0}")]
+    Start(String),
+    /// A drum cannot be.
+    #[error("winch: {0}")]
+    Drum(#[from] DrumFault),
+    /// The cables do not stretch.
+    #[error("cable.axial_stiffness_n: the plant needs cables that stretch")]
+    Inextensible,
+}
+
+impl<T: std::fmt::Display> From<StationFault<T>> for BeginError {
+    fn from(fault: StationFault<T>) -> Self {
+        Self::Start(fault.to_string())
+    }
+}
+
+/// Where a simulation begins: the first set-point, and a solution there.
+#[derive(Clone, Debug)]
+pub struct Beginning {
+    /// Where the platform should stand, and what is paid out where the motors stand at angle 0.
+    pub start: Start,
+    /// The solution, exact to rounding.
+    pub states: [CableState<f64>; CABLES],
+}
+
+impl Beginning {
+    /// At the first set-point of `trajectory`: on the sheet of `table`, or else on that of the solution whose
+    /// longest cable is shortest, of all within the limits.
+    ///
+    /// # Errors
+    /// [`BeginError`].
+    pub fn at(
+        robot: &RobotDescription,
+        trajectory: &Trajectory,
+        table: Option<&Table<'_>>,
+    ) -> Result<Self, BeginError> {
+        if robot.robot.cables().iter().any(|cable| cable.model.axial_stiffness_n.is_infinite()) {
+            return Err(BeginError::Inextensible);
+        }
+        let stance = trajectory.at(0.0).stance;
+        let q = stance.orientation.as_ref();
+        let position_m = stance.position_m.into();
+        let blueprint = blueprint::<f64>(robot).map_err(BeginError::Robot)?;
+        let pose = Pose::new(stance.position_m, stance.orientation).map_err(BeginError::Robot)?;
+        let states = if let Some(table) = table {
+            let still = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+            let set_point = SetPoint { pose, twist: still };
+            let tracker = Tracker::start_from(
+                blueprint.robot,
+                blueprint.load,
+                blueprint.tracker,
+                &set_point,
+                table,
+            )
+            .map_err(|fault| BeginError::Start(fault.to_string()))?;
+            tracker.command().cables.map(|cable| CableState {
+                force_n: cable.force_n,
+                rest_length_m: cable.rest_length_m,
+            })
+        } else {
+            let request = Request {
+                robot: robot.clone(),
+                position_m,
+                rotation_vector_rad: stance.orientation.scaled_axis().into(),
+                model: ModelKind::Irvine,
+            };
+            choose(&request, Choice::Shortest, None).map_err(BeginError::Solution)?
+        };
+        let start = Start {
+            position_m,
+            quaternion: [q.w, q.i, q.j, q.k],
+            home_lengths_m: states.map(|state| state.rest_length_m),
+        };
+        Ok(Self { start, states })
+    }
+
+    /// The six drums, in double precision.
+    ///
+    /// # Errors
+    /// [`BeginError::Drum`].
+    pub fn drums(&self, robot: &RobotDescription) -> Result<[Drum<f64>; CABLES], BeginError> {
+        let design = robot.drum();
+        let drum = |i: usize| Drum::new(&design, self.start.home_lengths_m[i], MotorAngle::ZERO);
+        Ok([drum(0)?, drum(1)?, drum(2)?, drum(3)?, drum(4)?, drum(5)?])
+    }
+}
+
+/// What the controller of `robot` is built for, each number rounded to `T` once.
+///
+/// # Errors
+/// [`GeometryFault`]: rounded it is no robot.
+pub fn blueprint<T: Countable>(
+    robot: &RobotDescription,
+) -> Result<Blueprint<T, IrvineCatenary<T>>, GeometryFault> {
+    let vector = |v: &Vector3<f64>| v.map(T::constant);
+    let gravity_m_s2 = robot.load.gravity_m_s2;
+    let cables = robot.robot.cables().map(|cable| {
+        let model = IrvineCatenary::from_material(&cable.model, gravity_m_s2);
+        Cable {
+            anchor_m: vector(&cable.anchor_m),
+            attachment_m: vector(&cable.attachment_m),
+            model: IrvineCatenary {
+                weight_n_m: T::constant(model.weight_n_m),
+                compliance_per_n: T::constant(model.compliance_per_n),
+            },
+        }
+    });
+    let load = &robot.load;
+    Ok(Blueprint {
+        robot: Robot::new(cables)?,
+        load: Load {
+            mass_kg: T::constant(load.mass_kg),
+            center_of_mass_m: vector(&load.center_of_mass_m),
+            gravity_m_s2: T::constant(gravity_m_s2),
+            force_n: vector(&load.force_n),
+            moment_nm: vector(&load.moment_nm),
+        },
+        tracker: robot.tracker_settings(),
+        controller: robot.controller_settings(),
+        drum: robot.drum(),
+        monitor: robot.monitor(),
+    })
+}
+
+/// The station of `cdpr-link` on the host, in either precision.
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one of it")]
+pub enum HostController<'t> {
+    /// In single precision.
+    Single(Station<'t, f32, IrvineCatenary<f32>>),
+    /// In double precision.
+    Double(Station<'t, f64, IrvineCatenary<f64>>),
+}
+
+impl<'t> HostController<'t> {
+    /// Starts at `beginning`, from `table` where there is one.
+    ///
+    /// # Errors
+    /// [`BeginError`].
+    pub fn start(
+        robot: &RobotDescription,
+        beginning: &Beginning,
+        table: Option<Table<'t>>,
+        precision: Precision,
+    ) -> Result<Self, BeginError> {
+        Ok(match precision {
+            Precision::F32 => Self::Single(station(robot, beginning, table)?),
+            Precision::F64 => Self::Double(station(robot, beginning, table)?),
+        })
+    }
+}
+
+fn station<'t, T: Countable + std::fmt::Display>(
+    robot: &RobotDescription,
+    beginning: &Beginning,
+    table: Option<Table<'t>>,
+) -> Result<Station<'t, T, IrvineCatenary<T>>, BeginError>
+where
+    IrvineCatenary<T>: cdpr_core::ShapedCable<T> + cdpr_core::Charted<T>,
+{
+    let blueprint = blueprint::<T>(robot).map_err(BeginError::Robot)?;
+    if let Some(table) = table {
+        return Ok(Station::from_table(blueprint, &beginning.start, table)?);
+    }
+    let states = beginning.states.map(|state| CableState {
+        force_n: state.force_n.map(T::constant),
+        rest_length_m: T::constant(state.rest_length_m),
+    });
+    Ok(Station::from_states(blueprint, &beginning.start, &states)?)
+}
+
+impl Controller for HostController<'_> {
+    type Error = std::convert::Infallible;
+
+    fn tick(&mut self, inputs: &Inputs) -> Result<Decision<f64>, Self::Error> {
+        Ok(match self {
+            Self::Single(station) => station.tick(inputs).map(f64::from),
+            Self::Double(station) => station.tick(inputs),
+        })
+    }
+}
