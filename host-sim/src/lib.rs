@@ -23,4 +23,5 @@ pub mod output;
 pub mod problem;
 pub mod rigid;
 pub mod robot_file;
+pub mod simulate;
 pub mod table;

@@ -1,0 +1,3 @@
+//! A controller and the plant that it drives, period by period.
+
+pub mod firmware;
