@@ -3,7 +3,7 @@
 use std::{env, fs, io, path::PathBuf};
 
 /// The images that log.
-const LOGGING: [&str; 2] = ["cdpr-firmware-example", "measure"];
+const LOGGING: [&str; 3] = ["cdpr-firmware-example", "in_the_loop", "measure"];
 
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=build.rs");

@@ -3,7 +3,8 @@
 //! bit for bit.
 //!
 //! [`path`] → [`rehearsal`] (what is asked of the controller, and what goes wrong) → a queue of
-//! way-points → [`control`] (what happens at a tick); [`robot`] holds the constants.
+//! way-points → [`control`] (what happens at a tick); [`robot`] holds the constants. Asked over a serial line
+//! instead, it is a [`station`].
 
 #![no_std]
 
@@ -17,5 +18,6 @@ pub mod rehearsal;
 pub mod robot;
 #[cfg(target_os = "none")]
 pub mod stack;
+pub mod station;
 
 pub use number::{Float, Number};

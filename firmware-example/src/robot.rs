@@ -1,11 +1,13 @@
 //! The robot as this firmware knows it: MARIONET-CRANE.
 
+use cdpr_core::controller::monitor::MonitorThresholds;
 use cdpr_core::controller::{ControllerSettings, MotionLimits};
-use cdpr_core::winch::{DrumDesign, Sense};
+use cdpr_core::winch::{Countable, DrumDesign, Sense};
 use cdpr_core::{
     CABLES, Cable, CableLimits, CableState, GeometryFault, IrvineCatenary, Load, Real, Robot,
     TrackerSettings,
 };
+use cdpr_link::station::Blueprint;
 use nalgebra::{Vector2, Vector3};
 
 use crate::path::PERIOD_S;
@@ -122,6 +124,12 @@ pub const DRUM: DrumDesign = DrumDesign {
     compliance_per_n: COMPLIANCE_PER_N,
 };
 
+/// The monitor warns at a third of what a cable bears at the start, 181 N on average, in common, as the
+/// quickest way of [`TAUT`](crate::path::TAUT), 1.1 m/s² against gravity, changes it by a ninth; and among the
+/// cables above all of it, as a cable that takes over another's share does: circles at 0.5 m/s, in which nothing is
+/// wrong, spread them by 121 N (`cdpr simulate`).
+const MONITOR: MonitorThresholds = MonitorThresholds { swing_n: 60.0, spread_n: 200.0 };
+
 /// How far the winches are from their lengths when the power is switched on, m.
 pub const OFF_AT_START_M: f64 = 0.003;
 
@@ -197,6 +205,21 @@ pub fn controller_settings<T: Real>() -> ControllerSettings<T> {
         brake_ticks: 50,
         brake_after_ticks: Some(200),
     }
+}
+
+/// All that a station needs to know, carrying [`LOADED`], for which [`TABLE`] is.
+///
+/// # Errors
+/// [`GeometryFault`], were the constants of this file wrong.
+pub fn blueprint<T: Countable>() -> Result<Blueprint<T, Model<T>>, GeometryFault> {
+    Ok(Blueprint {
+        robot: crane()?,
+        load: load(&LOADED),
+        tracker: settings(),
+        controller: controller_settings(),
+        drum: DRUM,
+        monitor: MONITOR,
+    })
 }
 
 /// Where every path starts, m.

@@ -15,6 +15,7 @@ use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
 use crate::output;
 use crate::robot_file::RobotDescription;
+use crate::simulate::firmware::FirmwareError;
 use crate::simulate::summary::Outcome;
 use crate::simulate::{BeginError, TrajectoryError};
 use crate::table::{JournalError, OrderError};
@@ -214,6 +215,14 @@ pub enum CliError {
     /// A simulation does not begin.
     #[error(transparent)]
     Begin(#[from] BeginError),
+    /// The firmware does not answer.
+    #[error("--firmware: {0}")]
+    Firmware(#[from] FirmwareError),
+    /// The firmware is built for something else.
+    #[error(
+        "--firmware: it is built for another {0}; --mass, --max-length, --max-tension and the robot file must say what it knows"
+    )]
+    AnotherFirmware(&'static str),
     /// A simulation cannot go on.
     #[error("{0}")]
     Simulation(String),

@@ -1,4 +1,16 @@
 //! The firmware's end of a serial line: one answer for each question, however often it is asked.
+//!
+//! | the host asks ([`frame`](crate::frame)) | the answer |
+//! |---|---|
+//! | `Start` | `Started` with the [`Identity`], or `Refused` with the reason; what ran before has ended |
+//! | `Tick`, its sequence that of the last question and one | `Ticked` with the decision |
+//! | `Tick` with the sequence of the last `Tick` | the same bytes again |
+//! | `Tick` with another sequence, or before a `Start` | `Refused` |
+//! | what is no frame | `Garbled`, with the sequence 0 |
+//!
+//! The host asks again, in the same bytes, when the answer is `Garbled`, is no frame itself, or does not come, and
+//! drops answers to earlier questions. It sends nothing else before it has the answer, so that a firmware needs
+//! room for one question only.
 
 use cdpr_core::winch::Countable;
 use cdpr_core::{Charted, ShapedCable};

@@ -2,6 +2,7 @@
 //! share.
 
 pub mod fuzzing;
+pub mod images;
 pub mod multistart;
 pub mod random;
 

@@ -2,8 +2,7 @@
 //! within their budgets of instructions, stack and memory.
 
 use std::fmt::Display;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use cdpr_core::controller::{
     Cause, Event, EventKind, MotionFault, Readings, Refusal, StartFault, State,
@@ -17,13 +16,14 @@ use cdpr_firmware_example::path::{Course, PERIOD_S, Path, SLACK, TAUT, TICKS_ARO
 use cdpr_firmware_example::plain_step::plain_step;
 use cdpr_firmware_example::rehearsal::{PRESSED_AT, Rehearsal, TICKS};
 use cdpr_firmware_example::{Number, robot};
+use cdpr_tests::images::{Images, M4F_F32, M7_F64, cargo};
 use object::{Object, ObjectSection};
 
-/// A machine: the aliases of `.cargo/config.toml` for it, and how else an image is built for it.
+/// A machine: the aliases of `.cargo/config.toml` for it, and its other images.
 struct Machine {
     firmware: &'static str,
     measure: &'static str,
-    build: &'static [&'static str],
+    images: Images,
     budget: Budget,
 }
 
@@ -54,7 +54,7 @@ const START_GOAL: u64 = 40_000;
 const M4F: Machine = Machine {
     firmware: "firmware",
     measure: "measure",
-    build: &["--release"],
+    images: M4F_F32,
     budget: Budget {
         tick_instructions: 5_750,
         tick_stack_bytes: 2 * 1024,
@@ -71,11 +71,7 @@ const M4F: Machine = Machine {
 const M7: Machine = Machine {
     firmware: "firmware-m7",
     measure: "measure-m7",
-    build: &[
-        "--profile=m7",
-        "--features=f64",
-        "--config=target.thumbv7em-none-eabihf.rustflags=['-Ctarget-cpu=cortex-m7']",
-    ],
+    images: M7_F64,
     budget: Budget {
         tick_instructions: 7_300,
         tick_stack_bytes: 3_700,
@@ -401,29 +397,10 @@ fn number(log: &str, name: &str) -> u64 {
 
 /// Code and constants of an image without log.
 fn image_bytes(machine: &Machine, bin: &str) -> u64 {
-    let mut arguments = vec!["build", "--package=cdpr-firmware-example", "--bin", bin];
-    arguments.extend(["--target=thumbv7em-none-eabihf", "--message-format=json"]);
-    arguments.extend(machine.build);
-    let Output { status, stdout, stderr } = cargo(&arguments);
-    assert!(status.success(), "{bin}: {}", String::from_utf8_lossy(&stderr));
-    let path: PathBuf = String::from_utf8_lossy(&stdout)
-        .lines()
-        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
-        .find_map(|message| message["executable"].as_str().map(PathBuf::from))
-        .expect("no image was built");
-    let elf = std::fs::read(path).unwrap();
+    let elf = std::fs::read(machine.images.build(bin)).unwrap();
     let elf = object::File::parse(&*elf).unwrap();
     [".vector_table", ".text", ".rodata", ".data"]
         .iter()
         .map(|name| elf.section_by_name(name).map_or(0, |section| section.size()))
         .sum()
-}
-
-/// Runs cargo at the root of the workspace, where `.cargo/config.toml` is found.
-fn cargo(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO"))
-        .args(arguments)
-        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-        .output()
-        .unwrap()
 }

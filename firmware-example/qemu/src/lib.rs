@@ -1,6 +1,9 @@
 //! Runs a Cortex-M image in QEMU and decodes its log, which leaves the image by semihosting as
-//! `defmt` frames.
+//! `defmt` frames: [`run`] until the image ends, [`Serving`] with its serial line in the caller's hands.
 
+mod serving;
+
+use std::ffi::OsString;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
@@ -9,6 +12,8 @@ use std::thread;
 use std::time::Duration;
 
 use defmt_decoder::{DecodeError, Table};
+
+pub use serving::Serving;
 
 /// Why an image did not run to a good end.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +41,32 @@ pub enum Error {
     /// The image had not ended after the time allowed.
     #[error("stopped after {0:?}")]
     TimedOut(Duration),
+    /// QEMU ended before it opened the serial line; on standard error it has said why.
+    #[error("qemu-system-arm does not start (Debian: apt-get install qemu-system-arm)")]
+    NotStarted,
+}
+
+const QEMU: &str = "qemu-system-arm";
+
+/// What QEMU is told, `serial` being where the first serial line goes.
+fn arguments(machine: &str, image: &Path, serial: &str) -> Vec<OsString> {
+    let mut arguments: Vec<OsString> =
+        ["-machine", machine, "-display", "none", "-monitor", "none", "-serial", serial]
+            .into_iter()
+            .chain(["-icount", "shift=6,align=off,sleep=off"])
+            .chain(["-semihosting-config", "enable=on,target=native", "-kernel"])
+            .map(OsString::from)
+            .collect();
+    arguments.push(image.into());
+    arguments
+}
+
+/// The log messages of an image.
+fn log_messages(image: &Path) -> Result<Table, Error> {
+    let elf = std::fs::read(image).map_err(|source| Error::Image { path: image.into(), source })?;
+    Table::parse(&elf)
+        .map_err(|error| Error::Table(error.to_string()))?
+        .ok_or_else(|| Error::Table("the image does not log".into()))
 }
 
 /// Runs `image` on QEMU's `machine` (`mps2-an386`: Cortex-M4F, `mps2-an500`: Cortex-M7) for at most
@@ -52,15 +83,9 @@ pub fn run(
     limit: Duration,
     mut on_line: impl FnMut(&str),
 ) -> Result<(), Error> {
-    let elf = std::fs::read(image).map_err(|source| Error::Image { path: image.into(), source })?;
-    let table = Table::parse(&elf)
-        .map_err(|error| Error::Table(error.to_string()))?
-        .ok_or_else(|| Error::Table("the image does not log".into()))?;
-    let mut child = Command::new("qemu-system-arm")
-        .args(["-machine", machine, "-display", "none", "-monitor", "none", "-serial", "none"])
-        .args(["-icount", "shift=6,align=off,sleep=off"])
-        .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
-        .arg(image)
+    let table = log_messages(image)?;
+    let mut child = Command::new(QEMU)
+        .args(arguments(machine, image, "none"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .spawn()?;

@@ -1,6 +1,6 @@
 //! Everything that depends on the board. The file of a board tells the clock of the core, counts what
-//! work costs, brings the log out and ends the run; a real board replaces it, together with its
-//! memory map in `memory/`. What is common to all Cortex-M stands here.
+//! work costs, has a serial line, brings the log out and ends the run; a real board replaces it, together
+//! with its memory map in `memory/`. What is common to all Cortex-M stands here.
 
 #[cfg(not(feature = "board-nucleo-f446re"))]
 mod mps2;
@@ -23,7 +23,7 @@ use mps2 as chosen;
 #[cfg(feature = "board-nucleo-f446re")]
 use nucleo_f446re as chosen;
 
-pub use chosen::{COST_UNIT, exit};
+pub use chosen::{COST_UNIT, Line, exit};
 
 /// Interrupts per second.
 const TICK_HZ: u32 = 1_000;

@@ -1,23 +1,26 @@
 //! `cdpr simulate`: the controller against a physical plant.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use cdpr_core::Table;
+use cdpr_link::Identity;
 use clap::Args;
 
 use super::{CliError, Format, WholeFile, positive, progress_bar, write_pretty};
 use crate::cases::Overrides;
 use crate::output::run as output;
 use crate::robot_file::RobotDescription;
+use crate::simulate::controller::blueprint;
+use crate::simulate::firmware::Firmware;
 use crate::simulate::log::Log;
 use crate::simulate::scenario::Fault;
 use crate::simulate::{
-    Beginning, Controller, HostController, Precision, Sample, Scenario, Simulation, Summary,
-    Trajectory,
+    BeginError, Beginning, Controller, HostController, Precision, Sample, Scenario, Simulation,
+    Summary, Trajectory,
 };
 
 #[derive(Debug, Args)]
@@ -45,8 +48,14 @@ pub(super) struct Simulate {
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Number type of the controller
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    #[arg(long, value_enum, default_value_t = Precision::F32, conflicts_with = "firmware")]
     precision: Precision,
+    /// A firmware image that decides in place of the host, in QEMU (`cargo in-the-loop` builds one)
+    #[arg(long, value_name = "ELF", conflicts_with = "table")]
+    firmware: Option<PathBuf>,
+    /// QEMU's machine for it: mps2-an386 is a Cortex-M4F, mps2-an500 a Cortex-M7
+    #[arg(long, value_name = "NAME", default_value = "mps2-an386", requires = "firmware")]
+    machine: String,
     /// Mass of the platform that the controller believes in, kg [default: from the robot file, like all below]
     #[arg(long, value_name = "KG", value_parser = positive, allow_hyphen_values = true)]
     mass: Option<f64>,
@@ -92,6 +101,60 @@ impl Simulate {
         let picture =
             self.plot.as_deref().map(|path| WholeFile::new(path, "--plot")).transpose()?;
         let beginning = Beginning::at(&robot, &trajectory, table.as_ref())?;
+        let setup = Setup {
+            robot: &robot,
+            trajectory: &trajectory,
+            scenario: &scenario,
+            beginning: &beginning,
+        };
+        let (finished, wall_s) = if let Some(image) = &self.firmware {
+            self.drive(&setup, self.launch(image, &setup)?)?
+        } else {
+            let host = HostController::start(&robot, &beginning, table, self.precision)?;
+            self.drive(&setup, host)?
+        };
+        if let Some(picture) = picture {
+            let svg = output::svg(&robot.name, &finished.kept)
+                .map_err(|fault| CliError::Plot(io::Error::other(fault.to_string())))?;
+            picture.write(svg.as_bytes()).map_err(CliError::Plot)?;
+        }
+        let summary = &finished.summary;
+        match self.format {
+            Format::Text => output::text(out, summary, wall_s)?,
+            Format::Json => write_pretty(out, summary)?,
+        }
+        out.flush()?;
+        match (finished.is_interrupted, summary.outcome.is_at_end()) {
+            (true, _) => Err(CliError::Interrupted),
+            (false, true) => Ok(()),
+            (false, false) => Err(CliError::NotTracked(summary.outcome)),
+        }
+    }
+
+    /// The firmware, once it has shown that it is built for this robot.
+    fn launch(&self, image: &Path, setup: &Setup<'_>) -> Result<Firmware, CliError> {
+        let mut firmware = Firmware::launch(&self.machine, image)?;
+        let theirs = firmware.start(&setup.beginning.start)?;
+        let ours = match theirs.number_bits {
+            64 => blueprint::<f64>(setup.robot).map(|blueprint| Identity::of(&blueprint)),
+            _ => blueprint::<f32>(setup.robot).map(|blueprint| Identity::of(&blueprint)),
+        };
+        match ours.map_err(BeginError::Robot)?.differs_in(&theirs) {
+            Some(what) => Err(CliError::AnotherFirmware(what)),
+            None => Ok(firmware),
+        }
+    }
+
+    /// Runs to the end, and how long that took, s.
+    fn drive<C: Controller>(
+        &self,
+        setup: &Setup<'_>,
+        controller: C,
+    ) -> Result<(Finished, f64), CliError>
+    where
+        C::Error: std::error::Error,
+    {
+        let Setup { robot, trajectory, scenario, beginning } = setup;
         let log = match &self.log {
             Some(path) => Some(Log::create(path).map_err(|source| CliError::Place {
                 option: "--log",
@@ -100,38 +163,22 @@ impl Simulate {
             })?),
             None => None,
         };
-        let controller = HostController::start(&robot, &beginning, table, self.precision)?;
-        let simulation = Simulation::new(&robot, &trajectory, &scenario, &beginning, controller)
+        let simulation = Simulation::new(robot, trajectory, scenario, beginning, controller)
             .map_err(|error| CliError::Simulation(error.to_string()))?;
         let mut run = Run {
             options: self,
             simulation,
-            summary: Summary::new(control.period_s),
+            summary: Summary::new(robot.control.period_s),
             log,
             kept: Vec::new(),
-            trajectory: &trajectory,
+            trajectory,
         };
         let began = Instant::now();
         let is_interrupted = run.go()?;
-        let wall_s = began.elapsed().as_secs_f64();
         let Run { simulation, mut summary, kept, log, .. } = run;
         summary.close(simulation.is_finished(), simulation.stops());
         log.map_or(Ok(()), Log::finish)?;
-        if let Some(picture) = picture {
-            let svg = output::svg(&robot.name, &kept)
-                .map_err(|fault| CliError::Plot(io::Error::other(fault.to_string())))?;
-            picture.write(svg.as_bytes()).map_err(CliError::Plot)?;
-        }
-        match self.format {
-            Format::Text => output::text(out, &summary, wall_s)?,
-            Format::Json => write_pretty(out, &summary)?,
-        }
-        out.flush()?;
-        match (is_interrupted, summary.outcome.is_at_end()) {
-            (true, _) => Err(CliError::Interrupted),
-            (false, true) => Ok(()),
-            (false, false) => Err(CliError::NotTracked(summary.outcome)),
-        }
+        Ok((Finished { summary, kept, is_interrupted }, began.elapsed().as_secs_f64()))
     }
 
     /// The table's bytes, with those bits flipped that the scenario wants so.
@@ -149,6 +196,21 @@ impl Simulate {
         }
         Ok(Some(bytes))
     }
+}
+
+/// What a run is made of, besides the controller.
+struct Setup<'a> {
+    robot: &'a RobotDescription,
+    trajectory: &'a Trajectory,
+    scenario: &'a Scenario,
+    beginning: &'a Beginning,
+}
+
+/// What is left of a run.
+struct Finished {
+    summary: Summary,
+    kept: Vec<output::Kept>,
+    is_interrupted: bool,
 }
 
 /// A run under way.

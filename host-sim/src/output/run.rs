@@ -14,15 +14,15 @@ use crate::simulate::summary::Spread;
 use crate::simulate::{PoseError, Sample, Summary};
 
 /// Size of the picture, px.
-const SIZE_PX: (u32, u32) = (1000, 980);
+const SIZE_PX: (u32, u32) = (1000, 1030);
 /// Left and right end of all panels, px.
 const ENDS_X: (f64, f64) = (96.0, 860.0);
 /// Top of the first panel, height of each, and room between two, px.
-const PANEL_PX: (f64, f64, f64) = (104.0, 178.0, 40.0);
+const PANEL_PX: (f64, f64, f64) = (104.0, 174.0, 56.0);
 /// Points of a line in the picture: more would not be seen.
 const POINTS: usize = 1500;
 /// Errors below this are drawn there, mm.
-const LEAST_MM: f64 = 1e-4;
+const LEAST_MM: f64 = 1e-3;
 
 /// Cables 1 to 6: light and dark take turns, so that they differ without their hues as well.
 const CABLE_COLORS: [RGBColor; CABLES] = [
@@ -165,18 +165,18 @@ pub fn svg(robot: &str, kept: &[Kept]) -> Result<String, PenFault> {
             }),
         }];
         let panels = [
-            ("pose error, mm", error_lines, true),
-            ("tension at the anchor, N", cables(|kept, i| kept.tensions_n[i]), false),
-            ("rest length, m", cables(|kept, i| kept.lengths_m[i]), false),
-            ("contraction of the certificate (allowed: below 0.45)", margin, false),
+            ("pose error, mm", error_lines, Scale::Log),
+            ("tension at the anchor, N", cables(|kept, i| kept.tensions_n[i]), Scale::FromZero),
+            ("rest length, m", cables(|kept, i| kept.lengths_m[i]), Scale::Linear),
+            ("contraction of the certificate (allowed: below 0.45)", margin, Scale::FromZero),
         ];
         let (mut top, height, room) = PANEL_PX;
-        for (title, lines, is_log) in panels {
-            Panel { title, time: &time, top, bottom: top + height, lines: &lines, is_log }
+        for (title, lines, scale) in panels {
+            Panel { title, time: &time, top, bottom: top + height, lines: &lines, scale }
                 .draw(pen, kept)?;
             top += height + room;
         }
-        pen.text(px(ENDS_X.1, top - room + 18.0), "time since power-up, s", HPos::Right, INK)
+        pen.text(px(ENDS_X.1, top - room + 38.0), "time since power-up, s", HPos::Right, INK)
     })
 }
 
@@ -189,13 +189,22 @@ struct Line<'a> {
     value: Value<'a>,
 }
 
+/// How values are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Scale {
+    Linear,
+    /// Linear, with zero in the picture.
+    FromZero,
+    Log,
+}
+
 struct Panel<'a> {
     title: &'static str,
     time: &'a Axis,
     top: f64,
     bottom: f64,
     lines: &'a [Line<'a>],
-    is_log: bool,
+    scale: Scale,
 }
 
 impl Panel<'_> {
@@ -205,14 +214,16 @@ impl Panel<'_> {
             self.lines.iter().flat_map(|line| kept.iter().filter_map(|kept| (line.value)(kept)));
         let (low, high) = values
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-        let (low, high) = match (self.is_log, low < high) {
-            (true, true) => (10_f64.powf(low.log10().floor()), high),
-            (true, false) => (LEAST_MM, 1.0),
-            (false, true) => (low.min(0.0), high),
-            (false, false) => (0.0, 1.0),
+        let (low, high) = match self.scale {
+            Scale::Log if low < high => (10_f64.powf(low.log10().floor()), high),
+            Scale::Log => (LEAST_MM, 1.0),
+            Scale::Linear if low < high => (low, high),
+            Scale::FromZero if high > 0.0 => (0.0, high),
+            Scale::Linear | Scale::FromZero => (0.0, 1.0),
         };
-        let headroom = if self.is_log { 0.0 } else { 0.04 };
-        let axis = Axis::scaled(low..=high, (self.bottom, self.top), headroom, self.is_log);
+        let is_log = self.scale == Scale::Log;
+        let headroom = if is_log { 0.0 } else { 0.04 };
+        let axis = Axis::scaled(low..=high, (self.bottom, self.top), headroom, is_log);
         self.shade(pen, kept)?;
         for tick in axis.ticks() {
             let y = axis.place(tick.value);

@@ -12,6 +12,7 @@
 //! `examples/test_bench.rs`.
 
 pub mod controller;
+pub mod firmware;
 pub mod log;
 pub mod operator;
 pub mod plant;
