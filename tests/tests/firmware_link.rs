@@ -69,10 +69,9 @@ fn in_qemu<T: OnTheLine>(images: Images) {
     let began = Instant::now();
     replay(&mut firmware, &script);
     let per_second = PERIODS_IN_QEMU as f64 / began.elapsed().as_secs_f64();
+    println!("{}: {per_second:.0} periods a second", images.machine); // shown by --nocapture
     let log: Vec<String> = firmware.log().collect();
-    println!("{}: {per_second:.0} periods a second\n{}", images.machine, log.join("\n")); // --nocapture
-    assert!(log[0].contains("started"), "{log:?}");
-    assert!(log.last().unwrap().contains("worst answer so far"), "{log:?}");
+    assert!(!log.is_empty() && log.iter().all(|line| line == "INFO started"), "{log:?}");
 
     let line = Serving::launch(images.machine, &image, PATIENCE).unwrap();
     let mut firmware = Firmware::over(Bad::new(line));

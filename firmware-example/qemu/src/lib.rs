@@ -53,7 +53,6 @@ fn arguments(machine: &str, image: &Path, serial: &str) -> Vec<OsString> {
     let mut arguments: Vec<OsString> =
         ["-machine", machine, "-display", "none", "-monitor", "none", "-serial", serial]
             .into_iter()
-            .chain(["-icount", "shift=6,align=off,sleep=off"])
             .chain(["-semihosting-config", "enable=on,target=native", "-kernel"])
             .map(OsString::from)
             .collect();
@@ -86,6 +85,7 @@ pub fn run(
     let table = log_messages(image)?;
     let mut child = Command::new(QEMU)
         .args(arguments(machine, image, "none"))
+        .args(["-icount", "shift=6,align=off,sleep=off"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .spawn()?;

@@ -29,8 +29,8 @@ pub struct Serving {
 }
 
 impl Serving {
-    /// Starts `image` on QEMU's `machine` as [`run`](crate::run) does. Time in the machine goes by its
-    /// instructions, not by the clock on the wall: what it does does not depend on how fast it is asked.
+    /// Starts `image` on QEMU's `machine` (as for [`run`](crate::run)). Time in the machine is that on the
+    /// wall, and its instructions are not counted: to count them makes a byte on the line cost twice as much.
     ///
     /// # Errors
     /// [`Error`] of an image that does not log, or when QEMU does not start.

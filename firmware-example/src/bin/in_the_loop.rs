@@ -6,47 +6,34 @@
 //! cargo in-the-loop-m7   # Cortex-M7, f64
 //! ```
 //!
-//! The host starts the image in QEMU with the line at a socket (`cdpr_qemu::Serving`). On any other target
-//! this is an empty program.
+//! The host starts the image in QEMU with the line at a socket (`cdpr_qemu::Serving`). What a tick costs is for
+//! the image `measure` to tell, which runs where instructions are counted. On any other target this is an empty
+//! program.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
 #[expect(clippy::result_large_err, reason = "words without an allocator")]
 mod image {
-    use cdpr_firmware_example::board::{self, COST_UNIT, Counter, Line};
+    use cdpr_firmware_example::board::{self, Line};
     use cdpr_firmware_example::robot::Model;
     use cdpr_firmware_example::{Float, station};
     use cdpr_link::serial::Responder;
     use cortex_m::singleton;
     use defmt::{info, warn};
 
-    /// What ends a frame.
-    const END: u8 = 0;
-
     #[cortex_m_rt::entry]
     fn main() -> ! {
         let responder = singleton!(: Responder<'static, Float, Model<Float>> = Responder::new());
         let Some(responder) = responder else { board::exit(false) };
-        let counter = Counter::start();
         let mut line = Line::open();
-        let mut worst = 0;
         loop {
             let Some(byte) = line.read() else { continue };
-            let mut has_started = false;
-            let mut answer = || {
-                responder.receive(byte, |at| {
-                    has_started = true;
-                    station::station(at)
-                        .inspect(|_| info!("started"))
-                        .inspect_err(|note| warn!("no start: {=str}", note))
-                })
-            };
-            let (reply, cost) = if byte == END { counter.count(answer) } else { (answer(), 0) };
-            if cost > worst && !has_started {
-                worst = cost;
-                info!("worst answer so far: {=u32} {=str}", cost, COST_UNIT);
-            }
+            let reply = responder.receive(byte, |at| {
+                station::station(at)
+                    .inspect(|_| info!("started"))
+                    .inspect_err(|note| warn!("no start: {=str}", note))
+            });
             for byte in reply.iter().flatten() {
                 line.write(*byte);
             }
