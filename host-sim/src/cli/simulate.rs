@@ -32,7 +32,8 @@ pub(super) struct Simulate {
     /// `rx_rad,ry_rad,rz_rad`
     #[arg(long, value_name = "FILE")]
     trajectory: PathBuf,
-    /// Warm-start table to start and recover from [default: the solution with the shortest longest cable]
+    /// Warm-start table to start and recover from [default: the solution with the shortest longest cable]; firmware
+    /// has its own, and begins in the same place when this is it
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
     /// What goes wrong (TOML)
@@ -51,7 +52,7 @@ pub(super) struct Simulate {
     #[arg(long, value_enum, default_value_t = Precision::F32, conflicts_with = "firmware")]
     precision: Precision,
     /// A firmware image that decides in place of the host, in QEMU (`cargo in-the-loop` builds one)
-    #[arg(long, value_name = "ELF", conflicts_with = "table")]
+    #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
     /// QEMU's machine for it: mps2-an386 is a Cortex-M4F, mps2-an500 a Cortex-M7
     #[arg(long, value_name = "NAME", default_value = "mps2-an386", requires = "firmware")]
