@@ -110,6 +110,7 @@ pub enum Mode {
 }
 
 /// What the controller decides.
+#[expect(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decision<T> {
     /// What the motors are to do; `None`: stand still.
@@ -124,6 +125,8 @@ pub struct Decision<T> {
     pub waiting: u8,
     /// A monitor warned in this period.
     pub is_warning: bool,
+    /// A way-point was refused in this period, or found the queue full.
+    pub is_refusal: bool,
     /// Where the last certified command holds the platform: position of its origin, m.
     pub position_m: [T; 3],
     /// The same: unit quaternion `w, x, y, z`.
@@ -224,6 +227,7 @@ impl<T> Decision<T> {
             is_halted: self.is_halted,
             waiting: self.waiting,
             is_warning: self.is_warning,
+            is_refusal: self.is_refusal,
             position_m: self.position_m.map(&mut number),
             quaternion: self.quaternion.map(&mut number),
             rest_lengths_m: self.rest_lengths_m.map(&mut number),

@@ -11,7 +11,7 @@ use cdpr_core::winch::{Countable, Drum, DrumDesign, DrumFault, MotorAngle};
 use cdpr_core::{CABLES, CableState, Charted, Load, Robot, ShapedCable, Table, TrackerSettings};
 use heapless::Deque;
 
-use crate::messages::{Decision, Inputs, Mode, Motor, Note, Request, Start, Target};
+use crate::messages::{Decision, Inputs, Mode, Motor, Note, Request, Start};
 
 /// Events that may happen in a period.
 const EVENTS: usize = 8;
@@ -137,8 +137,12 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
     pub fn tick(&mut self, inputs: &Inputs) -> Decision<T> {
         let mut note = Note::new();
         let readings = self.readings(inputs);
-        if let Some(target) = &inputs.way_point {
-            self.queue(target, &mut note);
+        let mut is_refusal = false;
+        if let Some(target) = &inputs.way_point
+            && self.way_points.push_back(target.way_point()).is_err()
+        {
+            is_refusal = true;
+            tell(&mut note, format_args!("way-point lost: the queue is full"));
         }
         if let Some(Err(refusal)) = inputs.request.map(|request| self.grant(request, &readings)) {
             tell(&mut note, format_args!("request refused: {refusal}"));
@@ -151,6 +155,7 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
             match event.kind {
                 EventKind::Entered(state) => tell(&mut note, format_args!("{state}")),
                 EventKind::Refused(fault) => {
+                    is_refusal = true;
                     tell(&mut note, format_args!("way-point refused: {fault}"));
                 }
                 EventKind::Halted(controller::Halt::Asked) => {
@@ -171,7 +176,7 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
                 _ => tell(&mut note, format_args!("an event that this station does not know")),
             }
         }
-        self.decision(motors, outputs.brakes_released, is_warning, note)
+        Decision { is_warning, is_refusal, note, ..self.decision(motors, outputs.brakes_released) }
     }
 
     fn readings(&self, inputs: &Inputs) -> Readings<T> {
@@ -183,12 +188,6 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
             }),
             failed_winch: inputs.failed_winch.map(usize::from).or(self.failed),
             emergency_stop: inputs.emergency_stop,
-        }
-    }
-
-    fn queue(&mut self, target: &Target, note: &mut Note) {
-        if self.way_points.push_back(target.way_point()).is_err() {
-            tell(note, format_args!("way-point lost: the queue is full"));
         }
     }
 
@@ -241,13 +240,7 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
         warnings.iter().any(Option::is_some)
     }
 
-    fn decision(
-        &self,
-        motors: Option<[Motor<T>; CABLES]>,
-        brakes_released: bool,
-        is_warning: bool,
-        note: Note,
-    ) -> Decision<T> {
+    fn decision(&self, motors: Option<[Motor<T>; CABLES]>, brakes_released: bool) -> Decision<T> {
         let command = self.controller.tracker().command();
         let Stance { position_m, orientation } = *self.controller.stance();
         let q = orientation.as_ref().coords;
@@ -257,14 +250,15 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
             mode: Mode::from(&self.controller.state()),
             is_halted: self.controller.is_halted(),
             waiting: u8::try_from(self.way_points.len()).unwrap_or(u8::MAX),
-            is_warning,
+            is_warning: false,
+            is_refusal: false,
             position_m: position_m.into(),
             quaternion: [q.w, q.x, q.y, q.z],
             rest_lengths_m: command.cables.map(|cable| cable.rest_length_m),
             tensions_n: command.cables.map(|cable| cable.anchor_tension_n),
             contraction: command.certificate.contraction,
             distance: command.distance,
-            note,
+            note: Note::new(),
         }
     }
 }

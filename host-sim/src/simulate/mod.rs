@@ -413,6 +413,7 @@ fn at_first(start: &cdpr_link::Start) -> Decision<f64> {
         is_halted: false,
         waiting: 0,
         is_warning: false,
+        is_refusal: false,
         position_m: start.position_m,
         quaternion: start.quaternion,
         rest_lengths_m: start.home_lengths_m,

@@ -115,10 +115,14 @@ impl Operator {
             Mode::Disarmed if !waited => {}
             Mode::Disarmed if self.must_recover => request = Some(Request::Recover),
             Mode::Disarmed => request = Some(Request::Arm),
-            Mode::Holding if last.is_halted && waited => request = Some(Request::Resume),
+            // What is left of the motion is given up: the way back begins where the platform stands.
+            Mode::Holding if last.is_halted && waited => request = Some(Request::Cancel),
             Mode::Holding | Mode::Tracking
                 if !last.is_halted && waited && last.waiting == 0 && !is_dropout =>
             {
+                if self.is_off && !self.ticks.is_multiple_of(LOOK_TICKS) {
+                    return (None, None); // what was sent before is still being dropped
+                }
                 self.stopped_s = None;
                 return (None, self.next(trajectory));
             }
@@ -126,9 +130,6 @@ impl Operator {
         }
         let request = request.filter(|_| self.ticks.is_multiple_of(LOOK_TICKS));
         self.must_recover &= request != Some(Request::Recover);
-        if request == Some(Request::Resume) {
-            self.stopped_s = None;
-        }
         (request, None)
     }
 
@@ -137,25 +138,27 @@ impl Operator {
         if let Some(stopped_s) = &mut self.stopped_s {
             *stopped_s += self.period_s;
         }
-        let is_on_way = self.clock.time_s < trajectory.duration_s();
         let came_to_rest = self.last_mode == Mode::Tracking && last.mode == Mode::Holding;
-        if last.mode == Mode::Fault && self.last_mode != Mode::Fault {
-            // What was sent is lost.
-            (self.is_off, self.must_recover) = (true, true);
-            self.stop();
-        } else if came_to_rest && last.is_halted {
-            self.stop();
-        } else if came_to_rest && is_on_way && self.clock.rate > 0.0 {
-            // No way-point came in time: the platform ran out.
+        let is_refused = last.mode == Mode::Holding && last.is_refusal;
+        let (is_fault, was_fault) = (last.mode == Mode::Fault, self.last_mode == Mode::Fault);
+        self.must_recover |= is_fault;
+        // What was sent is lost, or came too late: the platform ran out.
+        let is_lost = is_fault && !was_fault
+            || came_to_rest && (last.is_halted || !self.is_there(last, trajectory))
+            || is_refused;
+        if is_lost {
             self.is_off = true;
-            self.stop();
+            self.stops += 1;
+            self.stopped_s = Some(0.0);
         }
         self.last_mode = last.mode;
     }
 
-    fn stop(&mut self) {
-        self.stops += 1;
-        self.stopped_s = Some(0.0);
+    /// Whether the platform is commanded to be where the last way-point was to bring it.
+    fn is_there(&self, decision: &Decision<f64>, trajectory: &Trajectory) -> bool {
+        const NEAR_M: f64 = 1e-4; // far above rounding in single precision
+        let wanted_m = trajectory.at(self.clock.time_s).stance.position_m;
+        (nalgebra::Vector3::from(decision.position_m) - wanted_m).norm() < NEAR_M
     }
 
     fn next(&mut self, trajectory: &Trajectory) -> Option<Target> {
@@ -173,19 +176,13 @@ impl Operator {
     /// How far he has come, given what the controller decided in this period.
     #[must_use]
     pub fn progress(&self, now: &Decision<f64>, trajectory: &Trajectory) -> Progress {
-        let stands = matches!(now.mode, Mode::Holding | Mode::Fault | Mode::Disarmed);
         let is_at_end = self.clock.time_s >= trajectory.duration_s() && !self.is_off;
-        match now.mode {
-            Mode::Holding
-                if is_at_end
-                    && now.waiting == 0
-                    && !now.is_halted
-                    && self.last_mode == Mode::Holding =>
-            {
-                Progress::Finished
-            }
-            _ if stands && self.stopped_s.is_some() && self.waits_s.is_none() => Progress::GivenUp,
-            _ => Progress::Busy,
+        let rests = now.mode == Mode::Holding && self.last_mode == Mode::Holding && !now.is_halted;
+        if is_at_end && rests && now.waiting == 0 && self.is_there(now, trajectory) {
+            return Progress::Finished;
         }
+        let stands = matches!(now.mode, Mode::Holding | Mode::Fault | Mode::Disarmed);
+        let is_left = self.stopped_s.is_some() && self.waits_s.is_none();
+        if stands && is_left { Progress::GivenUp } else { Progress::Busy }
     }
 }

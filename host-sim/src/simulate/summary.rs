@@ -6,13 +6,17 @@ use serde::Serialize;
 
 use super::{PoseError, Sample};
 
+/// Static pose error of a platform that is where it should be, m.
+const EXACT_M: f64 = 1e-3;
+
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
     /// The platform followed the trajectory to its end.
     Tracked,
-    /// It did, but was stopped on the way, or a monitor warned, or a way-point was refused.
+    /// It did, but was stopped on the way, or a monitor warned, or a way-point was refused, or the static part of
+    /// the pose error was above a millimetre: something is not as the controller believes.
     Degraded,
     /// It stands at its last certified pose, on its motors or brakes, before the end.
     Held,
@@ -85,7 +89,7 @@ pub struct Summary {
     pub stops: u32,
     /// Periods in which a monitor warned.
     pub warnings: u64,
-    /// Way-points refused or lost.
+    /// Periods in which a way-point was refused or lost.
     pub refusals: u64,
     /// Pose errors, all together, m.
     pub total_m: Spread,
@@ -153,8 +157,8 @@ impl Summary {
         self.ticks_in[decision.mode as usize] += 1;
         self.last_mode = decision.mode;
         self.warnings += u64::from(decision.is_warning);
+        self.refusals += u64::from(decision.is_refusal);
         if !decision.note.is_empty() {
-            self.refusals += decision.note.matches("way-point").count() as u64;
             self.events.push((sample.time_s, decision.note.to_string()));
         }
         if matches!(decision.mode, Mode::Holding | Mode::Tracking) && decision.motors.is_some() {
@@ -190,7 +194,8 @@ impl Summary {
     /// Says how it ended.
     pub fn close(&mut self, is_finished: bool, stops: u32) {
         self.stops = stops;
-        let is_clean = stops == 0 && self.warnings == 0 && self.refusals == 0;
+        let is_exact = self.restless == 0 && self.static_m.largest <= EXACT_M;
+        let is_clean = stops == 0 && self.warnings == 0 && self.refusals == 0 && is_exact;
         self.outcome = match self.last_mode {
             _ if is_finished && is_clean => Outcome::Tracked,
             _ if is_finished => Outcome::Degraded,
