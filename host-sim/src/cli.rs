@@ -22,6 +22,7 @@ use crate::table::{JournalError, OrderError};
 use crate::toml_file::TomlFileError;
 use cdpr_core::TableFault;
 
+mod forward;
 mod simulate;
 mod table;
 
@@ -58,6 +59,8 @@ enum Command {
     /// Warm-start tables for the controller: build, merge, inspect, verify
     #[command(subcommand)]
     Table(table::TableCommand),
+    /// Find where the platform comes to rest on cables of given rest lengths
+    Forward(forward::Forward),
     /// Drive a physical model of the robot along a trajectory with the controller, faults included
     Simulate(Box<simulate::Simulate>),
 }
@@ -223,6 +226,9 @@ pub enum CliError {
         "--firmware: it is built for another {0}; --mass, --max-length, --max-tension and the robot file must say what it knows"
     )]
     AnotherFirmware(&'static str),
+    /// There is no place to rest.
+    #[error(transparent)]
+    Forward(#[from] crate::forward::ForwardError),
     /// A simulation cannot go on.
     #[error("{0}")]
     Simulation(String),
@@ -247,7 +253,8 @@ impl CliError {
             | Self::Plot(_)
             | Self::Wrong(_)
             | Self::Simulation(_)
-            | Self::NotTracked(_) => 1,
+            | Self::NotTracked(_)
+            | Self::Forward(_) => 1,
             Self::Interrupted => 130, // as a shell says it
             _ => 2,
         }
@@ -264,6 +271,7 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
         Some(Command::Enumerate(options)) => options.run(out),
         Some(Command::Branches(options)) => options.run(out),
         Some(Command::Table(command)) => command.run(out),
+        Some(Command::Forward(options)) => options.run(out),
         Some(Command::Simulate(options)) => options.run(out),
         None => cli.enumerate.run(out),
     }

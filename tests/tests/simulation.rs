@@ -1,10 +1,13 @@
 //! The simulated plant against statics and energy, and what becomes of every fault.
 
-use cdpr_core::{CABLES, CableModel, IrvineCatenary, Load, Robot};
+use std::fmt::Write as _;
+
+use cdpr_core::{CABLES, CableModel, IrvineCatenary, Load, Robot, Table};
 use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
 use cdpr_host_sim::forward::{self, Place};
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_host_sim::simulate::controller::blueprint;
+use cdpr_host_sim::simulate::firmware::Firmware;
 use cdpr_host_sim::simulate::scenario::{Fault, TimedFault};
 use cdpr_host_sim::simulate::summary::Outcome;
 use cdpr_host_sim::simulate::{
@@ -12,6 +15,7 @@ use cdpr_host_sim::simulate::{
     Truth, Weather,
 };
 use cdpr_link::{Decision, Mode, Note};
+use cdpr_tests::images::M4F_F32;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 /// MARIONET-CRANE with the drums of the example firmware.
@@ -79,7 +83,7 @@ fn solutions(crane: &RobotDescription, place: &Place) -> Vec<[f64; CABLES]> {
 
 fn plant(
     crane: &RobotDescription,
-    truth: Truth,
+    truth: &Truth,
     place: &Place,
     lengths_m: &[f64; CABLES],
 ) -> Plant {
@@ -91,7 +95,7 @@ fn plant(
     };
     let zero = cdpr_core::CableState { force_n: Vector2::zeros(), rest_length_m: 0.0 };
     let drums = Beginning { start, states: [zero; CABLES] }.drums(crane).unwrap();
-    Plant::new(truth, &crane.winch, &drums, 1e-3, place, lengths_m).unwrap()
+    Plant::new(*truth, &crane.winch, &drums, 1e-3, place, lengths_m).unwrap()
 }
 
 /// The plant, damped, comes to rest at the pose whose proven lengths it hangs on: 1e-6 m, wherever inverse
@@ -114,8 +118,11 @@ fn the_plant_rests_where_inverse_kinematics_says() {
             if !by_newton.is_stable() {
                 continue;
             }
-            let mut plant = plant(&crane, truth, &place, &lengths_m);
-            plant.set_velocity(&Vector3::new(1e-4, -1e-4, 0.5e-4));
+            let mut plant = plant(&crane, &truth, &place, &lengths_m);
+            // Where the slowest swing dies down within seconds it is pushed first; elsewhere it must stay.
+            if rested == 0 {
+                plant.set_velocity(&Vector3::new(1e-4, -1e-4, 0.5e-4));
+            }
             for _ in 0..12_000 {
                 plant.step(&braked(), &Weather::default()).unwrap();
             }
@@ -139,7 +146,7 @@ fn energy_is_kept() {
     let place = level(2.0, 7.0, 2.5);
     let lengths_m = solutions(&crane, &place)[0];
     let truth = truth(&crane);
-    let mut plant = plant(&crane, truth, &place, &lengths_m);
+    let mut plant = plant(&crane, &truth, &place, &lengths_m);
     plant.set_velocity(&Vector3::new(0.3, -0.2, 0.1));
     let energy_j = |plant: &Plant| {
         let motion = plant.motion();
@@ -204,7 +211,7 @@ fn tensions_at_rest_are_those_of_the_solution() {
     let place = level(2.0, 7.0, 2.5);
     let lengths_m = solutions(&crane, &place)[0];
     let truth = truth(&crane);
-    let plant = plant(&crane, truth, &place, &lengths_m);
+    let plant = plant(&crane, &truth, &place, &lengths_m);
     let rest = forward::at_rest(&truth.robot, &crane.load, &lengths_m, &place).unwrap();
     for (i, tension_n) in plant.tensions_n().iter().enumerate() {
         let f = rest.forces_n[i];
@@ -259,8 +266,8 @@ fn there_and_back() -> Trajectory {
         let u = f64::from(i) / 40.0;
         let u = if u > 1.0 { 2.0 - u } else { u };
         let s = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
-        text +=
-            &format!("{},{},{},{}\n", 0.1 * f64::from(i), 2.0 + 0.3 * s, 7.0 + s, 2.5 + 0.1 * s);
+        let (x, y, z) = (2.0 + 0.3 * s, 7.0 + s, 2.5 + 0.1 * s);
+        writeln!(text, "{},{x},{y},{z}", 0.1 * f64::from(i)).unwrap();
     }
     Trajectory::parse(&text, "there-and-back.csv").unwrap()
 }
@@ -381,4 +388,44 @@ fn noise_has_a_seed() {
     assert!(one.outcome.is_at_end());
     assert_eq!(one.total_m, same.total_m);
     assert_ne!(one.total_m, other.total_m);
+}
+
+/// The same code on the host and in QEMU, against the same plant: all that the motors are told is the same to the bit,
+/// emergency stop and recovery included.
+#[test]
+fn the_firmware_closes_the_loop_as_the_host_does() {
+    let mut crane = crane();
+    for limits in &mut crane.limits {
+        limits.max_length_m = 50.0; // as the image has it
+    }
+    let bytes = cdpr_firmware_example::robot::TABLE;
+    let trajectory =
+        Trajectory::parse("time_s,x_m,y_m,z_m\n0,2,7,2.5\n1.2,2.05,7.1,2.55\n", "short.csv")
+            .unwrap();
+    let stop = [(0.4, 0.5, Fault::EmergencyStop)];
+    let scenario = Scenario { operator_waits_s: Some(0.1), tension_noise_n: 1.0, ..with(&stop) };
+    let table = Table::open(bytes).unwrap();
+    let beginning = Beginning::at(&crane, &trajectory, Some(&table)).unwrap();
+
+    let host = HostController::start(&crane, &beginning, Some(table), Precision::F32).unwrap();
+    let mut firmware = Firmware::launch(M4F_F32.machine, &M4F_F32.build("in_the_loop")).unwrap();
+    let theirs = firmware.start(&beginning.start).unwrap();
+    let ours = cdpr_link::Identity::of(&blueprint::<f32>(&crane).unwrap());
+    assert_eq!(ours.differs_in(&theirs), None);
+
+    let mut on_host = Simulation::new(&crane, &trajectory, &scenario, &beginning, host).unwrap();
+    let mut in_qemu =
+        Simulation::new(&crane, &trajectory, &scenario, &beginning, firmware).unwrap();
+    let mut ticks = 0;
+    loop {
+        let (one, other) = (on_host.step().unwrap(), in_qemu.step().unwrap());
+        let (Some(one), Some(other)) = (&one, &other) else {
+            assert!(one.is_none() && other.is_none());
+            break;
+        };
+        assert_eq!(one.decision, other.decision, "at {} s", one.time_s);
+        assert_eq!(one.place, other.place);
+        ticks += 1;
+    }
+    assert!(on_host.is_finished() && on_host.stops() == 1, "after {ticks} ticks");
 }
