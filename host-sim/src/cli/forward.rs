@@ -12,7 +12,7 @@ use super::{CliError, Format, finite, positive, triple, write_pretty};
 use crate::cases::Overrides;
 use crate::forward::{Place, Rest, at_rest_near};
 use crate::problem::FromMaterial as _;
-use crate::robot_file::RobotDescription;
+use crate::robot_file::{CableLimits, RobotDescription};
 
 #[derive(Debug, Args)]
 pub(super) struct Forward {
@@ -55,16 +55,20 @@ struct Found {
     is_stable: bool,
     least_stiffness_n_m: f64,
     tensions_at_platform_n: [f64; CABLES],
+    is_within_limits: bool,
 }
 
-impl From<&Rest> for Found {
-    fn from(rest: &Rest) -> Self {
+impl Found {
+    fn of(rest: &Rest, limits: &[CableLimits; CABLES]) -> Self {
+        let tensions_at_platform_n = rest.forces_n.map(|force| force.norm());
+        let within = |(tension_n, limit): (&f64, &CableLimits)| *tension_n <= limit.max_tension_n;
         Self {
+            is_within_limits: tensions_at_platform_n.iter().zip(limits).all(within),
             position_m: rest.place.position_m.into(),
             rotation_vector_rad: rest.place.orientation.scaled_axis().into(),
             is_stable: rest.is_stable(),
             least_stiffness_n_m: rest.least_stiffness_n_m,
-            tensions_at_platform_n: rest.forces_n.map(|force| force.norm()),
+            tensions_at_platform_n,
         }
     }
 }
@@ -92,7 +96,7 @@ impl Forward {
         };
         let found =
             at_rest_near(&model, &robot.load, &self.lengths, &guess, self.radius, self.starts)?;
-        let places: Vec<_> = found.iter().map(Found::from).collect();
+        let places: Vec<_> = found.iter().map(|rest| Found::of(rest, &robot.limits)).collect();
         match self.format {
             Format::Json => {
                 write_pretty(out, &Answer { radius_m: self.radius, starts: self.starts, places })?;
@@ -101,7 +105,11 @@ impl Forward {
                 for (number, place) in (1..).zip(&places) {
                     let [x, y, z] = place.position_m;
                     let [rx, ry, rz] = place.rotation_vector_rad;
-                    let kind = if place.is_stable { "stays" } else { "does not stay" };
+                    let kind = match (place.is_stable, place.is_within_limits) {
+                        (true, true) => "stays",
+                        (true, false) => "stays, BEYOND THE LIMIT OF TENSION",
+                        (false, _) => "does not stay",
+                    };
                     writeln!(
                         out,
                         "{number}: ({x:.6}, {y:.6}, {z:.6}) m, rotation vector ({rx:.6}, {ry:.6}, {rz:.6}) rad, \
