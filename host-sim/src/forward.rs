@@ -14,25 +14,17 @@
 //! Newton's method with steps cut so that the imbalance falls finds one pose at rest; whether there are others near
 //! it is searched from starts all around ([`at_rest_near`]). That is a search, not a proof.
 
+use cdpr_core::controller::Stance;
 use cdpr_core::{CABLES, CableModel, LineFault, Load, Robot};
 use nalgebra::{Matrix2, Matrix3, Matrix6, UnitQuaternion, Vector2, Vector3, Vector6};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt as _, SeedableRng as _};
 
-/// Where the platform is: position of its origin (world frame, m) and orientation (platform to world).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// Position of the platform origin, m.
-    pub position_m: Vector3<f64>,
-    /// Orientation, platform to world.
-    pub orientation: UnitQuaternion<f64>,
-}
-
 /// A pose at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rest {
     /// Where.
-    pub place: Place,
+    pub place: Stance<f64>,
     /// Forces on the cables at their attachments, `(Fx, Fz)` in their planes, N.
     pub forces_n: [Vector2<f64>; CABLES],
     /// Force, and moment over the moment arm, that are left over, N.
@@ -93,7 +85,7 @@ impl Balance {
         robot: &Robot<f64, M>,
         load: &Load<f64>,
         lengths_m: &[f64; CABLES],
-        place: &Place,
+        place: &Stance<f64>,
     ) -> Result<Self, ForwardError> {
         let arm_m = robot.moment_arm_m();
         let weight_n = Vector3::new(0.0, 0.0, -load.mass_kg * load.gravity_m_s2);
@@ -164,7 +156,7 @@ pub fn at_rest<M: CableModel<f64>>(
     robot: &Robot<f64, M>,
     load: &Load<f64>,
     lengths_m: &[f64; CABLES],
-    guess: &Place,
+    guess: &Stance<f64>,
 ) -> Result<Rest, ForwardError> {
     let arm_m = robot.moment_arm_m();
     let mut place = *guess;
@@ -221,7 +213,7 @@ pub fn at_rest_near<M: CableModel<f64>>(
     robot: &Robot<f64, M>,
     load: &Load<f64>,
     lengths_m: &[f64; CABLES],
-    guess: &Place,
+    guess: &Stance<f64>,
     radius_m: f64,
     starts: usize,
 ) -> Result<Vec<Rest>, ForwardError> {
@@ -244,14 +236,14 @@ pub fn at_rest_near<M: CableModel<f64>>(
 
 /// How far apart two places are, turns times `arm_m`, m.
 #[must_use]
-pub fn distance_m(a: &Place, b: &Place, arm_m: f64) -> f64 {
+pub fn distance_m(a: &Stance<f64>, b: &Stance<f64>, arm_m: f64) -> f64 {
     (a.position_m - b.position_m).norm().hypot(arm_m * a.orientation.angle_to(&b.orientation))
 }
 
 /// `place` after a move of the origin (m) and a turn (rad times `arm_m`), world axes.
-fn moved(place: &Place, by: &Vector6<f64>, arm_m: f64) -> Place {
+fn moved(place: &Stance<f64>, by: &Vector6<f64>, arm_m: f64) -> Stance<f64> {
     let turn: Vector3<f64> = by.fixed_rows::<3>(3) / arm_m;
-    Place {
+    Stance {
         position_m: place.position_m + by.fixed_rows::<3>(0),
         orientation: UnitQuaternion::from_scaled_axis(turn) * place.orientation,
     }
@@ -277,8 +269,8 @@ mod tests {
     const LENGTHS_M: [f64; CABLES] = [10.0, 14.8, 12.5, 14.8, 12.2, 8.4];
 
     /// A place near where these hold the platform, turned a little.
-    fn place() -> Place {
-        Place {
+    fn place() -> Stance<f64> {
+        Stance {
             position_m: Vector3::new(2.1, 6.9, 2.6),
             orientation: UnitQuaternion::from_scaled_axis(Vector3::new(0.05, -0.1, 0.15)),
         }

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use cdpr_core::controller::Stance;
 use cdpr_core::{CABLES, CableModel, IrvineCatenary, Load, Robot, Table};
 use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
-use cdpr_host_sim::forward::{self, Place};
+use cdpr_host_sim::forward;
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_host_sim::simulate::controller::blueprint;
 use cdpr_host_sim::simulate::firmware::Firmware;
@@ -44,8 +45,8 @@ fn truth(crane: &RobotDescription) -> Truth {
     }
 }
 
-fn level(x: f64, y: f64, z: f64) -> Place {
-    Place { position_m: Vector3::new(x, y, z), orientation: UnitQuaternion::identity() }
+fn level(x: f64, y: f64, z: f64) -> Stance<f64> {
+    Stance { position_m: Vector3::new(x, y, z), orientation: UnitQuaternion::identity() }
 }
 
 /// Brakes closed, nothing commanded.
@@ -69,7 +70,7 @@ fn braked() -> Decision<f64> {
 }
 
 /// Rest lengths of all proven solutions at a level pose.
-fn solutions(crane: &RobotDescription, place: &Place) -> Vec<[f64; CABLES]> {
+fn solutions(crane: &RobotDescription, place: &Stance<f64>) -> Vec<[f64; CABLES]> {
     let request = Request {
         robot: crane.clone(),
         position_m: place.position_m.into(),
@@ -84,7 +85,7 @@ fn solutions(crane: &RobotDescription, place: &Place) -> Vec<[f64; CABLES]> {
 fn plant(
     crane: &RobotDescription,
     truth: &Truth,
-    place: &Place,
+    place: &Stance<f64>,
     lengths_m: &[f64; CABLES],
 ) -> Plant {
     let q = place.orientation.as_ref();
@@ -243,7 +244,7 @@ fn residual_n(
     robot: &Robot<f64, IrvineCatenary<f64>>,
     load: &Load<f64>,
     lengths_m: &[f64; CABLES],
-    place: &Place,
+    place: &Stance<f64>,
 ) -> f64 {
     let weight = Vector3::new(0.0, 0.0, -load.mass_kg * load.gravity_m_s2);
     let (mut force, mut moment) = (weight, place.position_m.cross(&weight));

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use cdpr_core::controller::Stance;
 use cdpr_core::{CABLES, IrvineCatenary};
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -10,7 +11,7 @@ use serde::Serialize;
 
 use super::{CliError, Format, finite, positive, triple, write_pretty};
 use crate::cases::Overrides;
-use crate::forward::{Place, Rest, at_rest_near};
+use crate::forward::{Rest, at_rest_near};
 use crate::problem::FromMaterial as _;
 use crate::robot_file::{CableLimits, RobotDescription};
 
@@ -90,7 +91,7 @@ impl Forward {
         let model = robot.robot.map_models(|_, material| {
             IrvineCatenary::from_material(material, robot.load.gravity_m_s2)
         });
-        let guess = Place {
+        let guess = Stance {
             position_m: Vector3::from(self.position),
             orientation: UnitQuaternion::from_scaled_axis(Vector3::from(self.rotation_vector)),
         };

@@ -17,12 +17,12 @@ use std::io::{self, BufWriter, Write as _};
 use std::path::Path;
 
 use cdpr_core::CABLES;
+use cdpr_core::controller::Stance;
 use mcap::records::MessageHeader;
 use serde::Serialize;
 use serde_json::json;
 
 use super::{PoseError, Sample};
-use crate::forward::Place;
 
 /// A log that is being written.
 pub enum Log {
@@ -209,7 +209,7 @@ impl Mcap {
         )]
         let time_ns = (sample.time_s * 1e9).round() as u64;
         let timestamp = json!({ "sec": time_ns / 1_000_000_000, "nsec": time_ns % 1_000_000_000 });
-        let pose = |place: &Place| {
+        let pose = |place: &Stance<f64>| {
             let (p, q) = (&place.position_m, place.orientation.as_ref());
             json!({
                 "timestamp": timestamp,

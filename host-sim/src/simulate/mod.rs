@@ -27,6 +27,7 @@ pub use scenario::Scenario;
 pub use summary::Summary;
 pub use trajectory::{Trajectory, TrajectoryError};
 
+use cdpr_core::controller::Stance;
 use cdpr_core::{CABLES, IrvineCatenary, Load};
 use cdpr_link::{Decision, Inputs, Mode, Note};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -34,7 +35,7 @@ use rand::SeedableRng as _;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
-use crate::forward::{self, ForwardError, Place};
+use crate::forward::{self, ForwardError};
 use crate::problem::FromMaterial as _;
 use crate::robot_file::RobotDescription;
 use operator::{Operator, Progress};
@@ -81,9 +82,9 @@ pub struct Sample {
     /// Since the trajectory set out, s.
     pub trajectory_s: Option<f64>,
     /// Where the platform truly is.
-    pub place: Place,
+    pub place: Stance<f64>,
     /// Where the last certified command holds it.
-    pub commanded: Place,
+    pub commanded: Stance<f64>,
     /// Velocity of the centre of mass, m/s.
     pub velocity_m_s: Vector3<f64>,
     /// Rest lengths that are paid out, m.
@@ -141,7 +142,7 @@ pub struct Simulation<'a, C> {
     /// The platform has been at rest for good, for so long, s.
     over_s: f64,
     /// Where the platform rests on the lengths commanded and paid out, as far as known: guesses for the next.
-    rests: [Place; 2],
+    rests: [Stance<f64>; 2],
 }
 
 impl<'a, C: Controller> Simulation<'a, C> {
@@ -179,8 +180,7 @@ impl<'a, C: Controller> Simulation<'a, C> {
         };
         let lengths_m =
             beginning.start.home_lengths_m.map(|length_m| length_m + scenario.winches_off_m);
-        let stance = beginning.start.stance::<f64>();
-        let start = Place { position_m: stance.position_m, orientation: stance.orientation };
+        let start = beginning.start.stance();
         let rest = forward::at_rest(&truth.robot, &load, &lengths_m, &start)?.place;
         let drums = beginning.drums(robot).map_err(|error| {
             let BeginError::Drum(fault) = error else { unreachable!("the only error of drums") };
@@ -255,7 +255,7 @@ impl<'a, C: Controller> Simulation<'a, C> {
             time_s,
             trajectory_s: self.trajectory_s(),
             place: motion.place,
-            commanded: Place {
+            commanded: Stance {
                 position_m: Vector3::new(x, y, z),
                 orientation: UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),
             },
@@ -302,7 +302,7 @@ impl<'a, C: Controller> Simulation<'a, C> {
     pub fn pose_error(&mut self, sample: &Sample) -> Option<PoseError> {
         let truth = self.plant.truth();
         let load = Load { mass_kg: truth.mass_kg, ..self.further_load };
-        let rest = |lengths_m: &[f64; CABLES], guess: &Place| {
+        let rest = |lengths_m: &[f64; CABLES], guess: &Stance<f64>| {
             let rest = forward::at_rest(&truth.robot, &load, lengths_m, guess).ok()?;
             rest.is_stable().then_some(rest.place)
         };
@@ -313,8 +313,8 @@ impl<'a, C: Controller> Simulation<'a, C> {
             return None;
         };
         self.rests = [of_commanded, of_paid_out];
-        let apart_m = |a: &Place, b: &Place| (a.position_m - b.position_m).norm();
-        let apart_rad = |a: &Place, b: &Place| a.orientation.angle_to(&b.orientation);
+        let apart_m = |a: &Stance<f64>, b: &Stance<f64>| (a.position_m - b.position_m).norm();
+        let apart_rad = |a: &Stance<f64>, b: &Stance<f64>| a.orientation.angle_to(&b.orientation);
         Some(PoseError {
             total_m: apart_m(&sample.place, &sample.commanded),
             total_rad: apart_rad(&sample.place, &sample.commanded),

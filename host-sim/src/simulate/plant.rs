@@ -14,6 +14,7 @@
 //! Dormand and Prince's method of order 5 with error control, from `ode_solvers`, one period of the controller at a
 //! time, as inputs jump between periods.
 
+use cdpr_core::controller::Stance;
 use cdpr_core::winch::{Drum, DrumFault, MotorAngle};
 use cdpr_core::{CABLES, CableModel, IrvineCatenary, LineFault, Robot};
 use cdpr_link::Decision;
@@ -22,7 +23,6 @@ use ode_solvers::{Dopri5, OutputType, SVector, System};
 use std::cell::Cell;
 
 use super::winch::{Ailments, Drive, Mechanics, Winch};
-use crate::forward::Place;
 use crate::robot_file::{Body, WinchDesign};
 
 /// Density of air, kg/m^3.
@@ -68,7 +68,7 @@ pub struct Weather {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Where its origin is.
-    pub place: Place,
+    pub place: Stance<f64>,
     /// Velocity of the centre of mass, world axes, m/s.
     pub velocity_m_s: Vector3<f64>,
     /// Angular velocity, platform axes, rad/s.
@@ -130,7 +130,7 @@ impl Plant {
         design: &WinchDesign,
         drums: &[Drum<f64>; CABLES],
         period_s: f64,
-        place: &Place,
+        place: &Stance<f64>,
         lengths_m: &[f64; CABLES],
     ) -> Result<Self, PlantError> {
         let winch = |i: usize| {
@@ -178,7 +178,7 @@ impl Plant {
     pub fn motion(&self) -> Motion {
         let (center_m, velocity_m_s, orientation, angular_rad_s) = platform(&self.state);
         Motion {
-            place: Place {
+            place: Stance {
                 position_m: center_m - orientation * self.truth.center_of_mass_m,
                 orientation,
             },
