@@ -13,13 +13,13 @@ use crate::cases::{self, CasesError, Overrides};
 use crate::continuation::Steps;
 use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
+use crate::input_file::InputFileError;
 use crate::output;
 use crate::robot_file::RobotDescription;
 use crate::simulate::firmware::FirmwareError;
 use crate::simulate::summary::Outcome;
 use crate::simulate::{BeginError, TrajectoryError};
 use crate::table::{JournalError, OrderError};
-use crate::toml_file::TomlFileError;
 use cdpr_core::TableFault;
 
 mod forward;
@@ -155,7 +155,7 @@ enum Format {
 pub enum CliError {
     /// The robot file, or that of the faults, is not valid.
     #[error(transparent)]
-    Robot(#[from] TomlFileError),
+    Robot(#[from] InputFileError),
     /// The file of cases is not valid.
     #[error(transparent)]
     Cases(#[from] CasesError),
@@ -420,10 +420,7 @@ fn write_pretty(out: &mut impl Write, document: &impl serde::Serialize) -> io::R
 
 impl Question {
     fn robot(&self) -> Result<RobotDescription, CliError> {
-        Ok(match &self.robot {
-            Some(path) => RobotDescription::read(path)?,
-            None => RobotDescription::marionet_crane(),
-        })
+        robot(self.robot.as_deref())
     }
 
     fn overrides(&self) -> Overrides {
@@ -470,6 +467,14 @@ impl Question {
         request.check()?;
         Ok(request)
     }
+}
+
+/// The robot of a file, or the paper's.
+fn robot(path: Option<&Path>) -> Result<RobotDescription, CliError> {
+    Ok(match path {
+        Some(path) => RobotDescription::read(path)?,
+        None => RobotDescription::marionet_crane(),
+    })
 }
 
 fn finite(text: &str) -> Result<f64, String> {

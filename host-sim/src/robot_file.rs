@@ -15,7 +15,8 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::toml_file::{Source, TomlFileError};
+use crate::input_file::{self, InputFileError};
+use crate::toml_file::Source;
 
 /// Standard gravity used when the file gives none, m/s^2.
 const DEFAULT_GRAVITY_M_S2: f64 = 9.81;
@@ -64,13 +65,10 @@ impl RobotDescription {
     /// Reads a robot file.
     ///
     /// # Errors
-    /// [`TomlFileError`], naming file, line and field.
-    pub fn read(path: &Path) -> Result<Self, TomlFileError> {
-        let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(&text, &name),
-            Err(source) => Err(TomlFileError::Read { path: name, source }),
-        }
+    /// [`InputFileError`], naming file, line and field.
+    pub fn read(path: &Path) -> Result<Self, InputFileError> {
+        let (text, name) = input_file::read(path)?;
+        Self::parse(&text, &name)
     }
 
     /// The paper's robot, MARIONET-CRANE.
@@ -85,8 +83,8 @@ impl RobotDescription {
     /// Reads a robot file from its text; `path` is only for messages.
     ///
     /// # Errors
-    /// [`TomlFileError::Content`].
-    pub fn parse(text: &str, path: &str) -> Result<Self, TomlFileError> {
+    /// [`InputFileError::Content`].
+    pub fn parse(text: &str, path: &str) -> Result<Self, InputFileError> {
         let source = Source { text, path };
         let document: Document = source.deserialize()?;
         document.check(&source)
@@ -139,7 +137,7 @@ struct OneCable {
 }
 
 impl Document {
-    fn check(self, source: &Source<'_>) -> Result<RobotDescription, TomlFileError> {
+    fn check(self, source: &Source<'_>) -> Result<RobotDescription, InputFileError> {
         let gravity_m_s2 = match &self.gravity_m_s2 {
             Some(value) => source.positive(value, "gravity_m_s2")?,
             None => DEFAULT_GRAVITY_M_S2,
@@ -203,7 +201,7 @@ impl OneCable {
         common: &CommonCable,
         index: usize,
         source: &Source<'_>,
-    ) -> Result<(Cable<f64, CableMaterial>, CableLimits), TomlFileError> {
+    ) -> Result<(Cable<f64, CableMaterial>, CableLimits), InputFileError> {
         let own = |field: &str| format!("cables[{}].{field}", index + 1);
         // The cable's own value, or the common one, each named by where it stands.
         let pick = |mine: &Option<Spanned<f64>>, all: Option<&Spanned<f64>>, field: &str| {

@@ -7,30 +7,7 @@ use nalgebra::Vector3;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
-/// Why such a file was refused.
-#[derive(Debug, thiserror::Error)]
-pub enum TomlFileError {
-    /// The file could not be read.
-    #[error("{path}: {source}")]
-    Read {
-        /// The file.
-        path: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Something in the file is wrong.
-    #[error("{path}:{line}: {field}: {message}")]
-    Content {
-        /// The file.
-        path: String,
-        /// Line, counted from 1.
-        line: usize,
-        /// The field, as a path from the top of the file; what stands in a row is counted from 1.
-        field: String,
-        /// What is wrong with it.
-        message: String,
-    },
-}
+use crate::input_file::InputFileError;
 
 /// The text of a file, for turning a place in it into a message.
 pub(crate) struct Source<'a> {
@@ -39,7 +16,7 @@ pub(crate) struct Source<'a> {
 }
 
 impl Source<'_> {
-    pub(crate) fn deserialize<D: DeserializeOwned>(&self) -> Result<D, TomlFileError> {
+    pub(crate) fn deserialize<D: DeserializeOwned>(&self) -> Result<D, InputFileError> {
         let document = toml::Deserializer::parse(self.text)
             .map_err(|error| self.refuse(error.span().unwrap_or(0..0), "TOML", error.message()))?;
         serde_path_to_error::deserialize(document).map_err(|error| {
@@ -55,9 +32,9 @@ impl Source<'_> {
         place: Range<usize>,
         field: &str,
         message: impl fmt::Display,
-    ) -> TomlFileError {
+    ) -> InputFileError {
         let before = self.text.get(..place.start).unwrap_or_default();
-        TomlFileError::Content {
+        InputFileError::Content {
             path: self.path.to_owned(),
             line: 1 + before.matches('\n').count(),
             field: field.to_owned(),
@@ -71,7 +48,7 @@ impl Source<'_> {
         field: &str,
         good: impl Fn(f64) -> bool,
         need: &str,
-    ) -> Result<f64, TomlFileError> {
+    ) -> Result<f64, InputFileError> {
         let number = *value.get_ref();
         if good(number) {
             Ok(number)
@@ -80,7 +57,11 @@ impl Source<'_> {
         }
     }
 
-    pub(crate) fn positive(&self, value: &Spanned<f64>, field: &str) -> Result<f64, TomlFileError> {
+    pub(crate) fn positive(
+        &self,
+        value: &Spanned<f64>,
+        field: &str,
+    ) -> Result<f64, InputFileError> {
         self.number(value, field, |v| v > 0.0 && v.is_finite(), "positive and finite")
     }
 
@@ -88,7 +69,7 @@ impl Source<'_> {
         &self,
         value: &Spanned<f64>,
         field: &str,
-    ) -> Result<f64, TomlFileError> {
+    ) -> Result<f64, InputFileError> {
         self.number(value, field, |v| v >= 0.0 && v.is_finite(), "finite and not negative")
     }
 
@@ -97,7 +78,7 @@ impl Source<'_> {
         &self,
         value: &Spanned<f64>,
         field: &str,
-    ) -> Result<f64, TomlFileError> {
+    ) -> Result<f64, InputFileError> {
         self.number(value, field, |v| v > 0.0, "positive")
     }
 
@@ -105,7 +86,7 @@ impl Source<'_> {
         &self,
         value: &Spanned<Vec<f64>>,
         field: &str,
-    ) -> Result<Vector3<f64>, TomlFileError> {
+    ) -> Result<Vector3<f64>, InputFileError> {
         // Not an array of three: serde would read [8,826, ...] and drop what is too many.
         let &[x, y, z] = value.get_ref().as_slice() else {
             let count = value.get_ref().len();

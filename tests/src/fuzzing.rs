@@ -16,8 +16,8 @@ use cdpr_core::{
 };
 use cdpr_firmware_example::path::TAUT;
 use cdpr_firmware_example::robot::{self, Model};
+use cdpr_host_sim::input_file::InputFileError;
 use cdpr_host_sim::robot_file::RobotDescription;
-use cdpr_host_sim::toml_file::TomlFileError;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Set-points or requests of one run: more bytes are left over.
@@ -351,7 +351,7 @@ pub fn robot_file(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let robot = match RobotDescription::parse(&text, "fuzzed.toml") {
         Ok(robot) => robot,
-        Err(TomlFileError::Content { path, line, field, message }) => {
+        Err(InputFileError::Content { path, line, field, message }) => {
             assert_eq!(path, "fuzzed.toml");
             // An end that is missing is missed behind the last line.
             assert!((1..=text.split('\n').count()).contains(&line), "line {line}: {message}");

@@ -13,7 +13,7 @@ use super::{CliError, Format, finite, positive, triple, write_pretty};
 use crate::cases::Overrides;
 use crate::forward::{Rest, at_rest_near};
 use crate::problem::FromMaterial as _;
-use crate::robot_file::{CableLimits, RobotDescription};
+use crate::robot_file::CableLimits;
 
 #[derive(Debug, Args)]
 pub(super) struct Forward {
@@ -83,10 +83,7 @@ struct Answer {
 
 impl Forward {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
-        let robot = match &self.robot {
-            Some(path) => RobotDescription::read(path)?,
-            None => RobotDescription::marionet_crane(),
-        };
+        let robot = super::robot(self.robot.as_deref())?;
         let robot = Overrides { mass_kg: self.mass, ..Overrides::default() }.apply(&robot);
         let model = robot.robot.map_models(|_, material| {
             IrvineCatenary::from_material(material, robot.load.gravity_m_s2)

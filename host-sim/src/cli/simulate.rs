@@ -73,10 +73,7 @@ pub(super) struct Simulate {
 
 impl Simulate {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
-        let robot = match &self.robot {
-            Some(path) => RobotDescription::read(path)?,
-            None => RobotDescription::marionet_crane(),
-        };
+        let robot = super::robot(self.robot.as_deref())?;
         let overrides = Overrides {
             mass_kg: self.mass,
             max_length_m: self.max_length,

@@ -7,8 +7,9 @@ use cdpr_core::{CableLimits, Real, TrackerSettings};
 use serde::Deserialize;
 use toml::Spanned;
 
+use crate::input_file::InputFileError;
 use crate::robot_file::{CableMaterial, RobotDescription};
-use crate::toml_file::{Source, TomlFileError};
+use crate::toml_file::Source;
 
 /// Declares a section of numbers: its public type with the values used when the file gives none, and how it is
 /// read. Numbers are finite, and `positive` or `not_negative`.
@@ -36,7 +37,7 @@ macro_rules! section {
         }
 
         impl $raw {
-            pub(super) fn check(&self, source: &Source<'_>) -> Result<$name, TomlFileError> {
+            pub(super) fn check(&self, source: &Source<'_>) -> Result<$name, InputFileError> {
                 let mut section = $name::default();
                 $(if let Some(value) = &self.$field {
                     let field = concat!($table, ".", stringify!($field));

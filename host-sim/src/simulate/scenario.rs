@@ -48,7 +48,8 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::toml_file::{Source, TomlFileError};
+use crate::input_file::{self, InputFileError};
+use crate::toml_file::Source;
 
 /// What goes wrong in a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -211,20 +212,17 @@ impl Scenario {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`TomlFileError`], naming file, line and field.
-    pub fn read(path: &Path) -> Result<Self, TomlFileError> {
-        let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(&text, &name),
-            Err(source) => Err(TomlFileError::Read { path: name, source }),
-        }
+    /// [`InputFileError`], naming file, line and field.
+    pub fn read(path: &Path) -> Result<Self, InputFileError> {
+        let (text, name) = input_file::read(path)?;
+        Self::parse(&text, &name)
     }
 
     /// Reads it from its text; `path` is only for messages.
     ///
     /// # Errors
-    /// [`TomlFileError::Content`].
-    pub fn parse(text: &str, path: &str) -> Result<Self, TomlFileError> {
+    /// [`InputFileError::Content`].
+    pub fn parse(text: &str, path: &str) -> Result<Self, InputFileError> {
         let source = Source { text, path };
         let document: Document = source.deserialize()?;
         let vector = |value: &Option<Spanned<Vec<f64>>>, field: &str| match value {
@@ -277,7 +275,7 @@ impl Scenario {
 
 impl RawFault {
     /// The fault with this number in the file.
-    fn check(&self, number: usize, source: &Source<'_>) -> Result<TimedFault, TomlFileError> {
+    fn check(&self, number: usize, source: &Source<'_>) -> Result<TimedFault, InputFileError> {
         let own = |field: &str| format!("fault[{number}].{field}");
         let kind = self.kind.get_ref().as_str();
         let missing = |field: &str| {

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::operator::Clock;
+use crate::input_file::{self, InputFileError};
 use cdpr_core::Twist;
 use cdpr_core::controller::{self, Motion, MotionLimits, Stance};
 use cdpr_link::{Pace, Target};
@@ -23,26 +24,9 @@ const ROUGH: f64 = 1e-3;
 /// Why a trajectory is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum TrajectoryError {
-    /// The file could not be read.
-    #[error("{path}: {source}")]
-    Read {
-        /// The file.
-        path: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Something in the file is wrong.
-    #[error("{path}:{line}: {field}: {message}")]
-    Content {
-        /// The file.
-        path: String,
-        /// Line, counted from 1.
-        line: u64,
-        /// The column.
-        field: String,
-        /// What is wrong with it.
-        message: String,
-    },
+    /// The file is not valid.
+    #[error(transparent)]
+    File(#[from] InputFileError),
     /// The controller would refuse a motion.
     #[error("{path}: {from_s} to {to_s} s: {fault}")]
     Motion {
@@ -91,22 +75,19 @@ impl Trajectory {
     /// # Errors
     /// [`TrajectoryError`], naming file, line and column.
     pub fn read(path: &Path) -> Result<Self, TrajectoryError> {
-        let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(&text, &name),
-            Err(source) => Err(TrajectoryError::Read { path: name, source }),
-        }
+        let (text, name) = input_file::read(path)?;
+        Ok(Self::parse(&text, &name)?)
     }
 
     /// Reads it from its text: a line of column names, then set-points; separated by commas, semicolons or tabs; lines
     /// that begin with `#` are comments. `path` is only for messages.
     ///
     /// # Errors
-    /// [`TrajectoryError::Content`].
-    pub fn parse(text: &str, path: &str) -> Result<Self, TrajectoryError> {
-        let refuse = |line: u64, field: &str, message: &str| TrajectoryError::Content {
+    /// [`InputFileError::Content`].
+    pub fn parse(text: &str, path: &str) -> Result<Self, InputFileError> {
+        let refuse = |line: u64, field: &str, message: &str| InputFileError::Content {
             path: path.to_owned(),
-            line,
+            line: usize::try_from(line).unwrap_or(usize::MAX),
             field: field.to_owned(),
             message: message.to_owned(),
         };
