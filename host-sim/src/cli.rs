@@ -14,17 +14,19 @@ use crate::continuation::Steps;
 use crate::enumerate::{self, Method, ModelKind, Request};
 use crate::in_order;
 use crate::input_file::InputFileError;
+use crate::journal::JournalError;
 use crate::output;
 use crate::robot_file::RobotDescription;
 use crate::simulate::firmware::FirmwareError;
 use crate::simulate::summary::Outcome;
 use crate::simulate::{BeginError, TrajectoryError};
-use crate::table::{JournalError, OrderError};
+use crate::table::OrderError;
 use cdpr_core::TableFault;
 
 mod forward;
 mod simulate;
 mod table;
+mod workspace;
 
 /// The paper's pose with five solutions: position in m, mass in kg, linear density in kg/m.
 const FIVE_SOLUTIONS: ([f64; 3], f64, f64) = ([0.96733, 11.3833, 1.65], 10.0, 0.004);
@@ -59,24 +61,20 @@ enum Command {
     /// Warm-start tables for the controller: build, merge, inspect, verify
     #[command(subcommand)]
     Table(table::TableCommand),
+    /// Map where the platform can go: the solutions at every pose of a grid, with proof
+    Workspace(Box<workspace::Workspace>),
     /// Find where the platform comes to rest on cables of given rest lengths
     Forward(forward::Forward),
     /// Drive a physical model of the robot along a trajectory with the controller, faults included
     Simulate(Box<simulate::Simulate>),
 }
 
-/// A robot, a pose of it, and what replaces values of the robot file.
+/// A robot, and what replaces values of its file.
 #[derive(Debug, Args)]
-struct Question {
+struct Machine {
     /// Robot file (TOML) [default: the paper's MARIONET-CRANE]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Position of the platform origin, world frame, m
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    position: Option<[f64; 3]>,
-    /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
-    #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
-    rotation_vector: Option<[f64; 3]>,
     /// Mass of the platform, kg [default: from the robot file, like all below]
     #[arg(long, value_name = "KG", value_parser = positive, allow_hyphen_values = true)]
     mass: Option<f64>,
@@ -92,6 +90,19 @@ struct Question {
     /// Largest tension of a cable at either end, N
     #[arg(long, value_name = "N", value_parser = positive, allow_hyphen_values = true)]
     max_tension: Option<f64>,
+}
+
+/// A robot and a pose of it.
+#[derive(Debug, Args)]
+struct Question {
+    #[command(flatten)]
+    machine: Machine,
+    /// Position of the platform origin, world frame, m
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    position: Option<[f64; 3]>,
+    /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
+    #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
+    rotation_vector: Option<[f64; 3]>,
     /// Cable model
     #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
     model: ModelKind,
@@ -190,7 +201,10 @@ pub enum CliError {
     /// A table cannot be made of what was asked for.
     #[error(transparent)]
     Order(#[from] OrderError),
-    /// The build on disk.
+    /// A map cannot be made of what was asked for.
+    #[error(transparent)]
+    Workspace(#[from] crate::workspace::OrderError),
+    /// Work on disk.
     #[error(transparent)]
     Journal(#[from] JournalError),
     /// The file is not a table.
@@ -271,6 +285,7 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
         Some(Command::Enumerate(options)) => options.run(out),
         Some(Command::Branches(options)) => options.run(out),
         Some(Command::Table(command)) => command.run(out),
+        Some(Command::Workspace(options)) => options.run(out),
         Some(Command::Forward(options)) => options.run(out),
         Some(Command::Simulate(options)) => options.run(out),
         None => cli.enumerate.run(out),
@@ -343,7 +358,8 @@ impl Enumerate {
         let Some(path) = &self.cases else {
             return Ok(vec![self.question.request()?]);
         };
-        let (robot, overrides) = (self.question.robot()?, self.question.overrides());
+        let machine = &self.question.machine;
+        let (robot, overrides) = (machine.described()?, machine.overrides());
         Ok(cases::read(Path::new(path), &robot, overrides, self.question.model)?)
     }
 }
@@ -351,9 +367,11 @@ impl Enumerate {
 impl Branches {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let fixed = match self.parameter {
-            Parameter::LinearDensity => (self.question.linear_density, "--linear-density"),
-            Parameter::AxialStiffness => (self.question.axial_stiffness, "--axial-stiffness"),
-            Parameter::Mass => (self.question.mass, "--mass"),
+            Parameter::LinearDensity => (self.question.machine.linear_density, "--linear-density"),
+            Parameter::AxialStiffness => {
+                (self.question.machine.axial_stiffness, "--axial-stiffness")
+            }
+            Parameter::Mass => (self.question.machine.mass, "--mass"),
         };
         if let (Some(_), option) = fixed {
             return Err(CliError::Fixed(option));
@@ -418,9 +436,15 @@ fn write_pretty(out: &mut impl Write, document: &impl serde::Serialize) -> io::R
     writeln!(out)
 }
 
-impl Question {
-    fn robot(&self) -> Result<RobotDescription, CliError> {
+impl Machine {
+    /// As it is in its file.
+    fn described(&self) -> Result<RobotDescription, CliError> {
         robot(self.robot.as_deref())
+    }
+
+    /// With everything that the command line replaces.
+    fn robot(&self) -> Result<RobotDescription, CliError> {
+        Ok(self.overrides().apply(&self.described()?))
     }
 
     fn overrides(&self) -> Overrides {
@@ -433,12 +457,14 @@ impl Question {
             max_tension_n: self.max_tension,
         }
     }
+}
 
+impl Question {
     fn request(&self) -> Result<Request, CliError> {
-        let (robot, overrides) = (self.robot()?, self.overrides());
+        let (robot, overrides) = (self.machine.described()?, self.machine.overrides());
         let (position_m, overrides) = match self.position {
             Some(position) => (position, overrides),
-            None if self.robot.is_none() && self.rotation_vector.is_none() => {
+            None if self.machine.robot.is_none() && self.rotation_vector.is_none() => {
                 let (position, mass, density) = FIVE_SOLUTIONS;
                 let paper = Overrides {
                     mass_kg: Some(mass),
@@ -454,7 +480,7 @@ impl Question {
 
     /// The same at a pose that is not this one's to give.
     fn request_at(&self, position_m: [f64; 3]) -> Result<Request, CliError> {
-        self.asked(&self.overrides().apply(&self.robot()?), position_m)
+        self.asked(&self.machine.robot()?, position_m)
     }
 
     fn asked(&self, robot: &RobotDescription, position_m: [f64; 3]) -> Result<Request, CliError> {
@@ -495,4 +521,16 @@ fn triple(text: &str) -> Result<[f64; 3], String> {
     numbers
         .try_into()
         .map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
+}
+
+/// Three ranges, each of two values in ascending order, or one value.
+fn ranges(text: &str) -> Result<[[f64; 2]; 3], String> {
+    let range = |part: &str| {
+        let (low, high) = part.split_once("..").unwrap_or((part, part));
+        let (low, high) = (finite(low)?, finite(high)?);
+        if low <= high { Ok([low, high]) } else { Err(format!("'{part}' does not ascend")) }
+    };
+    let ranges = text.split(',').map(range).collect::<Result<Vec<_>, _>>()?;
+    let three = |given: Vec<_>| format!("{} ranges given, three needed", given.len());
+    ranges.try_into().map_err(three)
 }

@@ -21,7 +21,9 @@ use crate::robot_file::RobotDescription;
 const BESIDE: f64 = 1e-13;
 
 /// Which cable model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum ModelKind {
     /// Elastic catenary.

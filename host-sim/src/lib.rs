@@ -12,6 +12,7 @@
 
 pub mod branches;
 pub mod cases;
+pub mod choice;
 pub mod cli;
 pub mod complete;
 pub mod continuation;
@@ -21,6 +22,7 @@ pub mod forward;
 pub mod in_order;
 pub mod input_file;
 pub mod interval;
+pub mod journal;
 pub mod output;
 pub mod problem;
 pub mod rigid;
@@ -28,3 +30,4 @@ pub mod robot_file;
 pub mod simulate;
 pub mod table;
 mod toml_file;
+pub mod workspace;

@@ -12,11 +12,13 @@ use cdpr_core::{
 };
 use cdpr_firmware_example::path::TAUT;
 use cdpr_firmware_example::robot;
+use cdpr_host_sim::choice::Choice;
 use cdpr_host_sim::complete::{Proof, complete};
 use cdpr_host_sim::enumerate::{ModelKind, Request};
+use cdpr_host_sim::journal::Job as _;
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::robot_file::{CableLimits as HostLimits, RobotDescription};
-use cdpr_host_sim::table::{Choice, Effort, Journal, Order, Shard};
+use cdpr_host_sim::table::{Effort, Order};
 use cdpr_tests::{random, random_tests};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
@@ -52,11 +54,15 @@ static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let high = [100.0, y + 0.1, z + 0.1, TILT, TILT, TILT];
     let effort = Effort { steps: 6, depth: 8 };
     let order = Order::new(&request, low, high, Choice::Shortest, None, effort).expect("an order");
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut journal = Journal::open(&folder.path().join("part"), &order).expect("a journal");
     let threads = rayon::ThreadPoolBuilder::new().build().expect("threads");
-    journal.fill(&threads, Shard::WHOLE, || {}).expect("tiles");
-    journal.finish().expect("a table").bytes
+    let tiles: Vec<usize> = (0..order.tiles()).collect();
+    let mut plans = Vec::new();
+    let keep = |(_, plan)| {
+        plans.push(plan);
+        Ok::<(), ()>(())
+    };
+    order.cover(&threads, &tiles, keep).expect("a sheet").expect("kept");
+    order.assemble(plans).expect("a table").bytes
 });
 
 fn table() -> Table<'static> {

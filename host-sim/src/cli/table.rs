@@ -8,11 +8,13 @@ use cdpr_core::table::{COORDINATES, Node, Table};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
-use super::{CliError, Format, Question, THREADS_HELP, WholeFile, progress_bar, write_pretty};
-use crate::in_order;
-use crate::table::{
-    Choice, Effort, Journal, LEVEL, Order, OrderError, Outcome, Shard, Verification, merge, verify,
+use super::{
+    CliError, Format, Question, THREADS_HELP, WholeFile, progress_bar, ranges, write_pretty,
 };
+use crate::choice::Choice;
+use crate::in_order;
+use crate::journal::{self, Journal, Shard};
+use crate::table::{Effort, LEVEL, Order, OrderError, Outcome, Verification, verify};
 
 const SHARD_HELP: &str = "\
 Make only part K of N, counted from 1; --out is then a file for `cdpr table merge`, which gives the same bytes \
@@ -121,7 +123,8 @@ impl TableCommand {
             Self::Build(options) => options.run(out),
             Self::Merge(options) => {
                 let file = WholeFile::new(&options.out, "--out")?;
-                let outcome = merge(&options.parts)?;
+                let (order, plans) = journal::merge::<Order>(&options.parts)?;
+                let outcome = order.assemble(plans)?;
                 file.write(&outcome.bytes).map_err(|source| unwritten(&options.out, source))?;
                 report(out, &outcome, options.format)
             }
@@ -159,11 +162,15 @@ impl Build {
             None => (Some(WholeFile::new(&self.out, "--out")?), beside(&self.out)),
         };
         let mut journal = Journal::open(&place, &order)?;
-        let progress = progress_bar(journal.missing(shard), "tiles");
-        journal.fill(&pool, shard, || progress.inc(1))?;
+        let missing = journal.missing(shard);
+        let progress = progress_bar(missing.len(), "tiles");
+        order.cover(&pool, &missing, |(tile, plan)| {
+            progress.inc(1);
+            journal.keep(tile, plan)
+        })??;
         progress.finish_and_clear();
         let Some(file) = file else { return Ok(()) };
-        let outcome = journal.finish()?;
+        let outcome = order.assemble(journal.finish()?)?;
         file.write(&outcome.bytes).map_err(|source| unwritten(&self.out, source))?;
         std::fs::remove_file(&place).map_err(|source| unwritten(&place, source))?;
         report(out, &outcome, self.format)
@@ -374,24 +381,6 @@ impl EmitRust {
         writeln!(out, "];")?;
         Ok(out.flush()?)
     }
-}
-
-fn ranges(text: &str) -> Result<[[f64; 2]; 3], String> {
-    let mut low = [0.0; 3];
-    let mut high = [0.0; 3];
-    let parts: Vec<&str> = text.split(',').collect();
-    if parts.len() != 3 {
-        return Err(format!("{} ranges given, three needed", parts.len()));
-    }
-    for (k, part) in parts.iter().enumerate() {
-        let (from, to) =
-            part.split_once("..").ok_or_else(|| format!("'{part}' is not a range like 0..4"))?;
-        (low[k], high[k]) = (super::finite(from)?, super::finite(to)?);
-        if low[k] >= high[k] {
-            return Err(format!("'{part}' does not ascend"));
-        }
-    }
-    Ok(std::array::from_fn(|k| [low[k], high[k]]))
 }
 
 fn constant_name(text: &str) -> Result<String, String> {

@@ -10,10 +10,10 @@ use cdpr_link::{Decision, Inputs, Start, Station};
 use nalgebra::Vector3;
 
 use super::trajectory::Trajectory;
+use crate::choice::{Choice, ChoiceError, choose};
 use crate::enumerate::{ModelKind, Request};
 use crate::problem::FromMaterial as _;
 use crate::robot_file::RobotDescription;
-use crate::table::{Choice, OrderError, choose};
 
 /// What decides in each period: the controller on the host, firmware, or a user's own.
 pub trait Controller {
@@ -45,7 +45,7 @@ pub enum BeginError {
     Robot(GeometryFault),
     /// No solution to start with.
     #[error("at the first set-point: {0}")]
-    Solution(OrderError),
+    Solution(ChoiceError),
     /// The controller refuses to start.
     #[error("the controller does not start: {0}")]
     Start(String),
@@ -113,7 +113,7 @@ impl Beginning {
                 rotation_vector_rad: stance.orientation.scaled_axis().into(),
                 model: ModelKind::Irvine,
             };
-            choose(&request, Choice::Shortest, None).map_err(BeginError::Solution)?
+            choose(&request, Choice::Shortest, None).map_err(BeginError::Solution)?.states
         };
         let start = Start {
             position_m,

@@ -28,7 +28,7 @@ const TURN_ROUNDING: f64 = 2e-6;
 
 /// What is made of a box of poses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) enum Plan {
+pub enum Plan {
     /// Halved.
     Split {
         /// In which coordinate.
@@ -44,7 +44,7 @@ pub(crate) enum Plan {
 
 /// A proven cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Cell {
+pub struct Cell {
     /// Coordinates of the six force curves.
     pub seed: [f32; CABLES],
     /// Newton steps.

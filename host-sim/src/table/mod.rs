@@ -1,8 +1,8 @@
 //! Warm-start tables for the controller, built with proof: see [`cdpr_core::table`] for what they are.
 //!
 //! An [`Order`] says what is wanted. Its region is divided into tiles, each of which is covered with cells by
-//! itself, on all cores and in any order, so that a build can be spread over machines (a [`Shard`] each) and goes
-//! on where it was killed ([`Journal`]). When all tiles are there, the cells are linked into the sheet
+//! itself, on all cores and in any order, so that a build can be spread over machines and goes on where it was
+//! killed ([`Journal`](crate::journal::Journal)). When all tiles are there, the cells are linked into the sheet
 //! and the table is written: the same bytes however it came about.
 //!
 //! `survey` (where the sheet is, roughly) and `proof` (of a box of poses, in intervals: `place`) → `cells` (of
@@ -10,7 +10,6 @@
 
 mod cells;
 mod file;
-mod journal;
 mod links;
 mod place;
 mod proof;
@@ -20,15 +19,17 @@ mod verify;
 use std::collections::BTreeMap;
 
 use cdpr_core::table::{COORDINATES, Gap, Table};
-use cdpr_core::{CABLES, Cable, CableState, Charted, GeometryFault, IrvineCatenary, Load, Robot};
+use cdpr_core::{CABLES, Cable, Charted, GeometryFault, IrvineCatenary, Load, Robot};
 use serde::{Deserialize, Serialize};
 
-use crate::enumerate::{Method, ModelKind, Options, Request};
+use crate::choice::{Choice, ChoiceError, choose};
+use crate::enumerate::{ModelKind, Request};
+use crate::journal::Job;
 use crate::robot_file::{CableLimits, RobotDescription};
 pub use cells::Effort;
-use cells::{Plan, Tiler, spread};
+pub use cells::Plan;
+use cells::{Tiler, spread};
 pub use file::WriteFault;
-pub use journal::{Journal, JournalError, Shard, merge};
 pub use links::Seam;
 use links::connected;
 pub use place::PoseBox;
@@ -58,17 +59,6 @@ pub(crate) struct Region {
     pub(crate) limits: [CableLimits; CABLES],
 }
 
-/// How the sheet is chosen among the solutions of the start pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Choice {
-    /// The one whose longest cable is the shortest.
-    Shortest,
-    /// The one whose highest tension is the lowest.
-    Tension,
-    /// The one furthest from a fold or singularity: of the smallest condition number.
-    Fold,
-}
-
 /// Why there is no table.
 #[derive(Debug, thiserror::Error)]
 pub enum OrderError {
@@ -80,17 +70,9 @@ pub enum OrderError {
     /// The start is outside the region.
     #[error("--position: the pose is outside the region")]
     StartOutside,
-    /// No solution at the start.
-    #[error("--position: the pose has no solution within the limits")]
-    NoSolution,
-    /// Not so many.
-    #[error("--solution: the pose has {0} solutions within the limits")]
-    NoSuchSolution(usize),
-    /// The solutions could not all be found.
-    #[error(
-        "--position: whether these are all solutions there could not be decided; choose another pose"
-    )]
-    Undecided,
+    /// The sheet could not be chosen at the start.
+    #[error("--position, --solution: {0}")]
+    Choice(#[from] ChoiceError),
     /// The sheet could not be followed from the start.
     #[error("--position: the sheet cannot be followed from there; choose another pose")]
     Lost,
@@ -215,12 +197,12 @@ impl Order {
             max_tensions_n: limits.map(|l| single(l.max_tension_n)),
             effort,
         };
-        order.check().map_err(OrderError::Robot)?;
+        machine(&order.cables, &order.load).map_err(OrderError::Robot)?;
         let region = order.region();
         if !region.poses.contains(&order.start.map(f64::from)) {
             return Err(OrderError::StartOutside);
         }
-        let states = choose(request, choice, solution)?;
+        let states = choose(request, choice, solution)?.states;
         let prover = order.prover();
         let charts = std::array::from_fn(|i| prover.robot().cables()[i].model.chart(&states[i]));
         let at = order.start.map(f64::from);
@@ -241,11 +223,6 @@ impl Order {
         Region { poses: PoseBox { low, high }, limits }
     }
 
-    /// Whether it has a robot: to be asked of one that was read.
-    fn check(&self) -> Result<(), GeometryFault> {
-        machine(&self.cables, &self.load).map(|_| ())
-    }
-
     fn machine(&self) -> (Robot<f64, Model>, Load<f64>) {
         machine(&self.cables, &self.load).expect("checked when it was made or read")
     }
@@ -253,12 +230,6 @@ impl Order {
     fn prover(&self) -> Prover {
         let (robot, load) = self.machine();
         Prover::new(&robot, &load)
-    }
-
-    /// Number of tiles.
-    #[must_use]
-    pub fn tiles(&self) -> usize {
-        self.tile_boxes().len()
     }
 
     fn tile_boxes(&self) -> Vec<PoseBox> {
@@ -292,7 +263,7 @@ impl Order {
     ///
     /// # Panics
     /// When `plans` are not those of this order.
-    fn assemble(&self, plans: Vec<Plan>) -> Result<Outcome, OrderError> {
+    pub fn assemble(&self, plans: Vec<Plan>) -> Result<Outcome, OrderError> {
         let (prover, region) = (self.prover(), self.region());
         let start = self.start.map(f64::from);
         let mut plans = plans.into_iter();
@@ -338,12 +309,18 @@ impl Order {
     }
 
     /// Covers tiles with the numbers `wanted`, on the threads of `pool`, and gives each to `take`, in order.
-    pub(crate) fn cover<E>(
+    ///
+    /// # Errors
+    /// [`OrderError::Lost`]; inside, the first one of `take`.
+    pub fn cover<E>(
         &self,
         pool: &rayon::ThreadPool,
         wanted: &[usize],
         take: impl FnMut((usize, Plan)) -> Result<(), E>,
     ) -> Result<Result<(), E>, OrderError> {
+        if wanted.is_empty() {
+            return Ok(Ok(()));
+        }
         let (prover, region) = (self.prover(), self.region());
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
         let tiles = self.tile_boxes();
@@ -356,6 +333,23 @@ impl Order {
             |(number, tile)| (*number, tiler.cover(tile)),
             take,
         ))
+    }
+}
+
+impl Job for Order {
+    const MAKES: &'static str = "a table";
+    type Tile = Plan;
+
+    fn tiles(&self) -> usize {
+        self.tile_boxes().len()
+    }
+
+    fn check(&self) -> Result<(), String> {
+        machine(&self.cables, &self.load).map(|_| ()).map_err(|fault| fault.to_string())
+    }
+
+    fn is_sound(&self, _number: usize, plan: &Plan) -> bool {
+        plan.is_sound()
     }
 }
 
@@ -381,41 +375,4 @@ pub(crate) fn machine(
         moment_nm: [l[8], l[9], l[10]].into(),
     };
     Ok((Robot::new(cables)?, load))
-}
-
-/// One of all solutions at the pose of `request`: the best by `choice`, or by its number.
-pub(crate) fn choose(
-    request: &Request,
-    choice: Choice,
-    number: Option<usize>,
-) -> Result<[CableState<f64>; CABLES], OrderError> {
-    let options = Options { method: Method::Complete, ..Options::default() };
-    let answer = request.enumerate(options)?;
-    if !answer.is_complete() {
-        return Err(OrderError::Undecided);
-    }
-    let solutions = &answer.solutions;
-    if let Some(number) = number {
-        let index = number.checked_sub(1).filter(|index| *index < solutions.len());
-        let index = index.ok_or(OrderError::NoSuchSolution(solutions.len()))?;
-        return Ok(solutions[index].solution.states);
-    }
-    let problem = request.problem::<Model>()?;
-    let measure = |states: &[CableState<f64>; CABLES], condition: f64| match choice {
-        Choice::Shortest => states.iter().map(|s| s.rest_length_m).fold(0.0, f64::max),
-        Choice::Tension => (0..CABLES)
-            .map(|i| {
-                let at_anchor = states[i].tension_at_anchor_n(problem.model(i).weight_n_m);
-                at_anchor.max(states[i].tension_at_attachment_n())
-            })
-            .fold(0.0, f64::max),
-        Choice::Fold => condition,
-    };
-    let best = solutions.iter().min_by(|a, b| {
-        let of = |found: &crate::enumerate::FoundSolution| {
-            measure(&found.solution.states, found.solution.condition)
-        };
-        of(a).total_cmp(&of(b))
-    });
-    best.map(|found| found.solution.states).ok_or(OrderError::NoSolution)
 }

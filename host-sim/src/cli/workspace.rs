@@ -1,0 +1,226 @@
+//! `cdpr workspace`: map, merge.
+
+use std::io::{self, Write};
+use std::num::NonZeroU16;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, Subcommand};
+use serde::Serialize;
+
+use super::{
+    CliError, Format, Machine, THREADS_HELP, WholeFile, progress_bar, ranges, triple, write_pretty,
+};
+use crate::choice::Choice;
+use crate::enumerate::ModelKind;
+use crate::in_order;
+use crate::journal::{self, Journal, Shard};
+use crate::workspace::{self, Findings, Grid, Order, Summary, Told};
+
+const LONG_ABOUT: &str = "\
+Map where the platform can go: the solutions at every pose of a grid, with proof.
+
+Writes to the folder --out a row for each pose as workspace.csv and workspace.parquet, and what was ordered with the \
+statistics as workspace.json. Until it is done, what there is is kept there in part-1-of-1.jsonl: a run that was killed \
+goes on where it stopped when it is given again, and ends in the same bytes.";
+
+const SHARD_HELP: &str = "\
+Make only part K of N, counted from 1, and leave it in the folder as part-K-of-N.jsonl for `cdpr workspace merge`, \
+which gives the same bytes as a run in one";
+
+const PART: &str = "Make only part K of N, for `cdpr workspace merge`";
+
+#[derive(Debug, Args)]
+#[command(long_about = LONG_ABOUT, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub(super) struct Workspace {
+    #[command(subcommand)]
+    command: Option<WorkspaceCommand>,
+    #[command(flatten)]
+    machine: Machine,
+    #[command(flatten)]
+    map: Option<Map>,
+}
+
+#[derive(Debug, Subcommand)]
+enum WorkspaceCommand {
+    /// Put the parts of a map together
+    Merge(Merge),
+}
+
+#[derive(Debug, Args)]
+struct Map {
+    /// Number of poses along x, y and z
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = counts)]
+    grid: [usize; 3],
+    /// Positions of the platform origin, world frame, m, both ends included, like 0..4,4..12,2
+    #[arg(long, value_name = "X..X,Y..Y,Z..Z", value_parser = ranges, allow_hyphen_values = true)]
+    region: [[f64; 2]; 3],
+    /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
+    #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
+    rotation_vector: Option<[f64; 3]>,
+    /// Cable model
+    #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
+    model: ModelKind,
+    /// Non-deformable cables only, the same as --model rigid: some ten times faster
+    #[arg(long, conflicts_with = "model")]
+    rigid_only: bool,
+    /// Which solution of a pose is the best: that whose numbers are kept
+    #[arg(long, value_enum, default_value_t = Choice::Shortest)]
+    choose: Choice,
+    /// Folder for the map
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[arg(long, help = PART, long_help = SHARD_HELP, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// The statistics, as tables or JSON
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[arg(long, help = THREADS_HELP, value_name = "N")]
+    threads: Option<NonZeroU16>,
+}
+
+#[derive(Debug, Args)]
+struct Merge {
+    /// All parts, in any order
+    #[arg(required = true, value_name = "PART")]
+    parts: Vec<PathBuf>,
+    /// Folder for the map
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The statistics, as tables or JSON
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+impl Workspace {
+    pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        match (&self.command, &self.map) {
+            (Some(WorkspaceCommand::Merge(merge)), _) => merge.run(out),
+            (None, Some(map)) => map.run(&self.machine, out),
+            (None, None) => unreachable!("clap asks for the one or the other"),
+        }
+    }
+}
+
+impl Map {
+    fn run(&self, machine: &Machine, out: &mut impl Write) -> Result<(), CliError> {
+        let [low_m, high_m] = [0, 1].map(|end| self.region.map(|range| range[end]));
+        let order = Order::new(
+            &machine.robot()?,
+            if self.rigid_only { ModelKind::Rigid } else { self.model },
+            Grid::new(self.grid, low_m, high_m).map_err(workspace::OrderError::from)?,
+            self.rotation_vector.unwrap_or_default(),
+            self.choose,
+        )?;
+        let pool = in_order::threads(self.threads.map(|n| n.get().into()))?;
+        let shard = self.shard.unwrap_or(Shard::WHOLE);
+        std::fs::create_dir_all(&self.out).map_err(|source| misplaced(&self.out, source))?;
+        let files = self.shard.is_none().then(|| Files::new(&self.out)).transpose()?;
+        let part = self.out.join(format!("part-{shard}.jsonl"));
+        let mut journal = Journal::open(&part, &order)?;
+
+        let missing = journal.missing(shard);
+        let poses = missing.iter().map(|tile| order.poses_of(*tile)).sum();
+        let progress = progress_bar(poses, "poses");
+        let begun = Instant::now();
+        order.examine(&pool, &missing, |(tile, findings)| {
+            progress.inc(findings.len() as u64);
+            journal.keep(tile, findings)
+        })?;
+        progress.finish_and_clear();
+        let seconds = begun.elapsed().as_secs_f64();
+        let rate =
+            format!("{poses} poses in {seconds:.1} s, {:.0} a second", poses as f64 / seconds);
+
+        let Some(files) = files else {
+            return Ok(());
+        };
+        let findings: Vec<Findings> = journal.finish()?.into_iter().flatten().collect();
+        files.write(&self.out, &order, &findings)?;
+        std::fs::remove_file(&part).map_err(|source| misplaced(&part, source))?;
+        report(out, &order, &findings, self.format)?;
+        if self.format == Format::Text && poses > 0 {
+            writeln!(out, "\n{rate}")?;
+        }
+        Ok(out.flush()?)
+    }
+}
+
+impl Merge {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let (order, tiles) = journal::merge::<Order>(&self.parts)?;
+        std::fs::create_dir_all(&self.out).map_err(|source| misplaced(&self.out, source))?;
+        let files = Files::new(&self.out)?;
+        let findings: Vec<Findings> = tiles.into_iter().flatten().collect();
+        files.write(&self.out, &order, &findings)?;
+        report(out, &order, &findings, self.format)?;
+        Ok(out.flush()?)
+    }
+}
+
+fn misplaced(path: &Path, source: io::Error) -> CliError {
+    CliError::Place { option: "--out", path: path.display().to_string(), source }
+}
+
+/// What a map is written to.
+struct Files {
+    csv: WholeFile,
+    parquet: WholeFile,
+    json: WholeFile,
+}
+
+/// What was ordered, and what came of it.
+#[derive(Serialize)]
+struct Document<'a> {
+    order: &'a Order,
+    summary: &'a Summary,
+}
+
+impl Files {
+    fn new(folder: &Path) -> Result<Self, CliError> {
+        let file = |name| WholeFile::new(&folder.join(name), "--out");
+        Ok(Self {
+            csv: file("workspace.csv")?,
+            parquet: file("workspace.parquet")?,
+            json: file("workspace.json")?,
+        })
+    }
+
+    fn write(self, folder: &Path, order: &Order, findings: &[Findings]) -> Result<(), CliError> {
+        let write = || {
+            let mut bytes = Vec::new();
+            workspace::csv(order, findings, &mut bytes)?;
+            self.csv.write(&bytes)?;
+            bytes.clear();
+            workspace::parquet(order, findings, &mut bytes).map_err(io::Error::other)?;
+            self.parquet.write(&bytes)?;
+            bytes.clear();
+            write_pretty(&mut bytes, &Document { order, summary: &Summary::of(findings) })?;
+            self.json.write(&bytes)
+        };
+        write().map_err(|source| misplaced(folder, source))
+    }
+}
+
+fn report(
+    out: &mut impl Write,
+    order: &Order,
+    findings: &[Findings],
+    format: Format,
+) -> io::Result<()> {
+    let summary = Summary::of(findings);
+    match format {
+        Format::Text => write!(out, "{}", Told(order, &summary)),
+        Format::Json => write_pretty(out, &summary),
+    }
+}
+
+fn counts(text: &str) -> Result<[usize; 3], String> {
+    let count = |part: &str| {
+        part.trim().parse().map_err(|_| format!("'{}' is not a number of poses", part.trim()))
+    };
+    let counts = text.split(',').map(count).collect::<Result<Vec<usize>, _>>()?;
+    counts
+        .try_into()
+        .map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
+}

@@ -1,0 +1,228 @@
+//! Where the platform can go: the solutions at every pose of a grid (the paper's section 4).
+//!
+//! An [`Order`] says what is wanted: a robot, a [`Grid`], and which solution of a pose is the best. Each pose gives
+//! [`Findings`] by itself, so a map can be spread over machines and goes on where it was killed
+//! ([`Journal`](crate::journal::Journal)): the same bytes however it came about.
+//!
+//! `grid` (the poses) → `findings` (of one pose) → `summary` (of all of them) and `file` (a row for each).
+
+mod file;
+mod findings;
+mod grid;
+mod summary;
+
+use cdpr_core::{CABLES, Cable, GeometryFault, Load, Robot};
+use nalgebra::Vector3;
+use rayon::ThreadPool;
+use serde::{Deserialize, Serialize};
+
+use crate::choice::Choice;
+use crate::enumerate::{ModelKind, Request};
+use crate::in_order;
+use crate::journal::Job;
+use crate::robot_file::{Body, CableLimits, CableMaterial, Control, RobotDescription, WinchDesign};
+pub use file::{csv, parquet};
+pub use findings::{Best, Change, Findings, Status};
+pub use grid::{Grid, GridError, MOST_POSES};
+pub use summary::{Histogram, Needs, Summary, Told};
+
+/// Poses of a tile: some 30 ms of work.
+const TILE: usize = 64;
+
+/// Version of the journal of a map, and of its files.
+const FORMAT: u32 = 1;
+
+/// What a map is to be of. Two orders that are equal give the same bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Order {
+    format: u32,
+    robot: String,
+    cables: [CableRecord; CABLES],
+    load: LoadRecord,
+    /// The positions.
+    pub grid: Grid,
+    /// The orientation at all of them, rad.
+    pub rotation_vector_rad: [f64; 3],
+    /// Cable model.
+    pub model: ModelKind,
+    /// What makes one solution of a pose better than another.
+    pub choice: Choice,
+}
+
+/// A cable in numbers; what is infinite is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct CableRecord {
+    anchor_m: [f64; 3],
+    attachment_m: [f64; 3],
+    linear_density_kg_m: f64,
+    axial_stiffness_n: Option<f64>,
+    max_length_m: Option<f64>,
+    max_tension_n: Option<f64>,
+}
+
+/// A load in numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct LoadRecord {
+    mass_kg: f64,
+    center_of_mass_m: [f64; 3],
+    gravity_m_s2: f64,
+    force_n: [f64; 3],
+    moment_nm: [f64; 3],
+}
+
+/// Why there is no map.
+#[derive(Debug, thiserror::Error)]
+pub enum OrderError {
+    /// The grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The search for deformable cables would have no end.
+    #[error(
+        "--max-tension: cable {} has no limit of tension, which a map with deformable cables needs", .0 + 1
+    )]
+    NoTensionLimit(usize),
+    /// The orientation.
+    #[error("--rotation-vector: {0}")]
+    Orientation(GeometryFault),
+}
+
+impl Order {
+    /// An order for `robot`.
+    ///
+    /// # Errors
+    /// [`OrderError`].
+    pub fn new(
+        robot: &RobotDescription,
+        model: ModelKind,
+        grid: Grid,
+        rotation_vector_rad: [f64; 3],
+        choice: Choice,
+    ) -> Result<Self, OrderError> {
+        let RobotDescription { name, limits, load, .. } = robot;
+        if model != ModelKind::Rigid
+            && let Some(cable) = limits.iter().position(|l| !l.max_tension_n.is_finite())
+        {
+            return Err(OrderError::NoTensionLimit(cable));
+        }
+        let finite = |value: f64| value.is_finite().then_some(value);
+        let cables = std::array::from_fn(|i| {
+            let Cable { anchor_m, attachment_m, model: material } = &robot.robot.cables()[i];
+            CableRecord {
+                anchor_m: (*anchor_m).into(),
+                attachment_m: (*attachment_m).into(),
+                linear_density_kg_m: material.linear_density_kg_m,
+                axial_stiffness_n: finite(material.axial_stiffness_n),
+                max_length_m: finite(limits[i].max_length_m),
+                max_tension_n: finite(limits[i].max_tension_n),
+            }
+        });
+        let load = LoadRecord {
+            mass_kg: load.mass_kg,
+            center_of_mass_m: load.center_of_mass_m.into(),
+            gravity_m_s2: load.gravity_m_s2,
+            force_n: load.force_n.into(),
+            moment_nm: load.moment_nm.into(),
+        };
+        let robot = name.clone();
+        let order =
+            Self { format: FORMAT, robot, cables, load, grid, rotation_vector_rad, model, choice };
+        order.request([0.0; 3]).pose().map_err(OrderError::Orientation)?;
+        Ok(order)
+    }
+
+    /// The robot, as it was ordered.
+    ///
+    /// # Panics
+    /// Never: it was checked when the order was made or read.
+    #[must_use]
+    pub fn robot(&self) -> RobotDescription {
+        self.described().expect("checked when it was made or read")
+    }
+
+    fn described(&self) -> Result<RobotDescription, GeometryFault> {
+        let or_none = |value: Option<f64>| value.unwrap_or(f64::INFINITY);
+        let robot = Robot::new(self.cables.map(|cable| Cable {
+            anchor_m: Vector3::from(cable.anchor_m),
+            attachment_m: Vector3::from(cable.attachment_m),
+            model: CableMaterial {
+                linear_density_kg_m: cable.linear_density_kg_m,
+                axial_stiffness_n: or_none(cable.axial_stiffness_n),
+            },
+        }))?;
+        let LoadRecord { mass_kg, center_of_mass_m, gravity_m_s2, force_n, moment_nm } = self.load;
+        Ok(RobotDescription {
+            name: self.robot.clone(),
+            robot,
+            limits: self.cables.map(|cable| CableLimits {
+                max_length_m: or_none(cable.max_length_m),
+                max_tension_n: or_none(cable.max_tension_n),
+            }),
+            load: Load {
+                mass_kg,
+                center_of_mass_m: center_of_mass_m.into(),
+                gravity_m_s2,
+                force_n: force_n.into(),
+                moment_nm: moment_nm.into(),
+            },
+            body: Body::default(),
+            winch: WinchDesign::default(),
+            control: Control::default(),
+        })
+    }
+
+    fn request(&self, position_m: [f64; 3]) -> Request {
+        let Self { rotation_vector_rad, model, .. } = *self;
+        Request { robot: self.robot(), position_m, rotation_vector_rad, model }
+    }
+
+    /// Number of poses of a tile.
+    #[must_use]
+    pub fn poses_of(&self, tile: usize) -> usize {
+        TILE.min(self.grid.poses().saturating_sub(tile.saturating_mul(TILE)))
+    }
+
+    /// Examines the tiles with the numbers `wanted`, on the threads of `pool`, and gives each to `take`, in order.
+    /// A pose takes the same time however many there are.
+    ///
+    /// # Errors
+    /// The first one of `take`.
+    pub fn examine<E>(
+        &self,
+        pool: &ThreadPool,
+        wanted: &[usize],
+        take: impl FnMut((usize, Vec<Findings>)) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let question = self.request([0.0; 3]);
+        let examine = |tile: &usize| {
+            let mut question = question.clone();
+            let poses = (0..self.poses_of(*tile)).map(|n| {
+                question.position_m = self.grid.position_m(tile * TILE + n);
+                Findings::of(&question, self.choice)
+            });
+            (*tile, poses.collect())
+        };
+        in_order::for_each(pool, wanted, examine, take)
+    }
+}
+
+impl Job for Order {
+    const MAKES: &'static str = "a map of a workspace";
+    type Tile = Vec<Findings>;
+
+    fn tiles(&self) -> usize {
+        self.grid.poses().div_ceil(TILE)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if self.format != FORMAT {
+            return Err(format!("format {} instead of {FORMAT}", self.format));
+        }
+        self.grid.check().map_err(|fault| fault.to_string())?;
+        self.described().map_err(|fault| fault.to_string())?;
+        Ok(())
+    }
+
+    fn is_sound(&self, number: usize, tile: &Vec<Findings>) -> bool {
+        number < self.tiles() && tile.len() == self.poses_of(number)
+    }
+}
