@@ -1,38 +1,18 @@
 //! The command `cdpr` as a person or a script meets it.
 
+mod common;
+
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
-use assert_cmd::assert::Assert;
+use common::{CDPR, assert_refused, cdpr, stdout};
 use serde_json::Value;
 use tempfile::TempDir;
 
-const CDPR: &str = env!("CARGO_BIN_EXE_cdpr");
 const CRANE: &str = include_str!("../robots/marionet-crane.toml");
-
-fn cdpr<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Assert {
-    Command::new(CDPR).args(arguments).assert()
-}
-
-fn stdout(assert: &Assert) -> String {
-    String::from_utf8(assert.get_output().stdout.clone()).expect("UTF-8")
-}
-
-fn stderr(assert: &Assert) -> String {
-    String::from_utf8(assert.get_output().stderr.clone()).expect("UTF-8")
-}
-
-/// Bad input: exit code 2, nothing on stdout, and a message that holds all of `parts`.
-fn assert_refused<S: AsRef<std::ffi::OsStr>>(arguments: &[S], parts: &[&str]) {
-    let assert = cdpr(arguments).code(2).stdout("");
-    let message = stderr(&assert);
-    for part in parts {
-        assert!(message.contains(part), "{part:?} not in {message:?}");
-    }
-}
 
 /// Writes `text` to a file and gives its path.
 fn file(folder: &TempDir, name: &str, text: &str) -> String {

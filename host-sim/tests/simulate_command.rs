@@ -1,5 +1,7 @@
 //! `cdpr simulate` as a person or a script meets it.
 
+mod common;
+
 use std::fs;
 use std::io::Read as _;
 use std::path::PathBuf;
@@ -8,10 +10,10 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
+use common::CDPR;
 use serde_json::Value;
 use tempfile::TempDir;
 
-const CDPR: &str = env!("CARGO_BIN_EXE_cdpr");
 const LIMITS: [&str; 4] = ["--max-length", "60", "--max-tension", "2000"];
 const TRAJECTORY: &str =
     "time_s,x_m,y_m,z_m,rz_rad\n0,2,7,2.5,0\n2,2.2,7.4,2.6,0.05\n4,2,7,2.5,0\n";
