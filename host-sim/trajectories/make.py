@@ -1,11 +1,15 @@
-"""Writes out-and-back.csv: a minute with MARIONET-CRANE at 0.5 m/s.
+"""Writes the trajectories beside it, for MARIONET-CRANE; the platform stays level.
 
-Eight rounds of a tilted circle through (2, 7, 2.5), where all six cables are taut, then out to where cable 4 hangs
-slack and back. Every leg begins and ends at rest; the speed rises and falls smoothly within two seconds.
+out-and-back.csv, a minute at 0.5 m/s: eight rounds of a tilted circle through (2, 7, 2.5), where all six cables are
+taut, then out to where cable 4 hangs slack and back. Every leg begins and ends at rest; the speed rises and falls
+smoothly within two seconds.
 
-    python3 host-sim/trajectories/make.py > host-sim/trajectories/out-and-back.csv
+there-and-back.csv, eight seconds: a metre through the all-taut region and back, from rest to rest.
+
+    python3 host-sim/trajectories/make.py
 """
 from math import cos, hypot, pi, sin
+from pathlib import Path
 
 SPEED_M_S, RAMP_S, STEP_S = 0.5, 2.0, 0.1
 START = (2.0, 7.0, 2.5)
@@ -35,9 +39,7 @@ def way_m(time_s, length_m):
     return SPEED_M_S * (ramp_s * (u**3 - u**4 / 2) + max(time_s - ramp_s, 0.0))
 
 
-def main():
-    print("# Written by make.py beside it. Position of the platform, which stays level.")
-    print("time_s,x_m,y_m,z_m")
+def out_and_back():
     begin_s = 0.0
     rows = []
     for points in legs():
@@ -56,8 +58,23 @@ def main():
             place = [a + (b - a) * share for a, b in zip(points[j], points[j + 1])]
             rows.append((begin_s + total_s * step / steps, *place))
         begin_s += total_s
-    for row in rows:
-        print(",".join(f"{number:.6f}" for number in row))
+    return rows
 
 
-main()
+def there_and_back():
+    for i in range(81):
+        u = i / 40 if i <= 40 else 2 - i / 40
+        s = u**3 * (10 - 15 * u + 6 * u * u)
+        yield STEP_S * i, *(a + s * d for a, d in zip(START, (0.3, 1.0, 0.1)))
+
+
+def write(name, rows):
+    with open(Path(__file__).with_name(name), "w", encoding="ascii") as file:
+        print("# Written by make.py beside it. Position of the platform, which stays level.", file=file)
+        print("time_s,x_m,y_m,z_m", file=file)
+        for row in rows:
+            print(",".join(f"{number:.6f}" for number in row), file=file)
+
+
+write("out-and-back.csv", out_and_back())
+write("there-and-back.csv", there_and_back())

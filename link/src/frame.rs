@@ -11,14 +11,13 @@
 //! begins after the next 0. What has a wrong checksum is dropped.
 
 use cobs::{DecodeResult, DecoderState};
-use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::CRC;
+
 /// Longest frame, bytes: a decision with numbers of 64 bits and a full note takes 530.
 pub const LONGEST: usize = 768;
-
-static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// A message and which question it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

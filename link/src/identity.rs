@@ -2,12 +2,11 @@
 
 use cdpr_core::Charted;
 use cdpr_core::winch::{Countable, Sense};
-use crc::{CRC_32_ISO_HDLC, Crc, Digest};
+use crc::Digest;
 use serde::{Deserialize, Serialize};
 
+use crate::CRC;
 use crate::station::Blueprint;
-
-static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32 of all numbers of a [`Blueprint`], each rounded to `f32`, in groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

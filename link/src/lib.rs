@@ -23,6 +23,10 @@ pub mod messages;
 pub mod serial;
 pub mod station;
 
+use crc::{CRC_32_ISO_HDLC, Crc};
 pub use identity::Identity;
 pub use messages::{Decision, Inputs, Mode, Motor, Note, Pace, Request, Start, Target};
 pub use station::{Station, StationFault};
+
+/// Of frames and identities.
+static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);

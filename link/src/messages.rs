@@ -1,6 +1,7 @@
 //! What is said in one period.
 
 use cdpr_core::controller::{self, Stance, State, WayPoint};
+use cdpr_core::winch::{Countable, Drum, DrumDesign, DrumFault, MotorAngle};
 use cdpr_core::{CABLES, Real, Twist};
 use heapless::String;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -190,6 +191,19 @@ impl Start {
     pub fn stance<T: Real>(&self) -> Stance<T> {
         stance(&self.position_m, &self.quaternion)
     }
+
+    /// The drums, with the motors at angle 0 where the platform stands, each length rounded to `T`.
+    ///
+    /// # Errors
+    /// [`DrumFault`].
+    pub fn drums<T: Countable>(&self, design: &DrumDesign) -> Result<[Drum<T>; CABLES], DrumFault> {
+        let home = |length_m: f64| Drum::new(design, T::constant(length_m), MotorAngle::ZERO);
+        let mut drums = [home(self.home_lengths_m[0])?; CABLES];
+        for (drum, &length_m) in drums.iter_mut().zip(&self.home_lengths_m) {
+            *drum = home(length_m)?;
+        }
+        Ok(drums)
+    }
 }
 
 fn stance<T: Real>(position_m: &[f64; 3], &[w, x, y, z]: &[f64; 4]) -> Stance<T> {
@@ -208,6 +222,29 @@ impl<T> From<&State<T>> for Mode {
             State::Holding => Self::Holding,
             State::Tracking => Self::Tracking,
             State::Fault(_) => Self::Fault,
+        }
+    }
+}
+
+impl Decision<f64> {
+    /// What stands before the first one: disarmed, brakes closed, nothing done.
+    #[must_use]
+    pub fn disarmed(start: &Start) -> Self {
+        Self {
+            motors: None,
+            brakes_released: false,
+            mode: Mode::Disarmed,
+            is_halted: false,
+            waiting: 0,
+            is_warning: false,
+            is_refusal: false,
+            position_m: start.position_m,
+            quaternion: start.quaternion,
+            rest_lengths_m: start.home_lengths_m,
+            tensions_n: [0.0; CABLES],
+            contraction: 0.0,
+            distance: 0.0,
+            note: Note::new(),
         }
     }
 }

@@ -111,15 +111,10 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
         start: &Start,
         monitor: MonitorThresholds,
     ) -> Result<Self, StationFault<T>> {
-        let home = |length_m: f64| Drum::new(drum, T::constant(length_m), MotorAngle::ZERO);
-        let mut drums = [home(start.home_lengths_m[0]).map_err(StationFault::Drum)?; CABLES];
-        for (drum, &length_m) in drums.iter_mut().zip(&start.home_lengths_m) {
-            *drum = home(length_m).map_err(StationFault::Drum)?;
-        }
         Ok(Self {
             controller,
             table,
-            drums,
+            drums: start.drums(drum).map_err(StationFault::Drum)?,
             way_points: Deque::new(),
             monitor: TensionMonitor::new(monitor),
             failed: None,

@@ -1,13 +1,11 @@
 //! The simulated plant against statics and energy, and what becomes of every fault.
 
-use std::fmt::Write as _;
-
 use cdpr_core::controller::Stance;
 use cdpr_core::{CABLES, CableModel, IrvineCatenary, Load, Robot, Table};
 use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
 use cdpr_host_sim::forward;
 use cdpr_host_sim::robot_file::RobotDescription;
-use cdpr_host_sim::simulate::controller::blueprint;
+use cdpr_host_sim::simulate::controller;
 use cdpr_host_sim::simulate::firmware::Firmware;
 use cdpr_host_sim::simulate::scenario::{Fault, TimedFault};
 use cdpr_host_sim::simulate::summary::Outcome;
@@ -15,7 +13,7 @@ use cdpr_host_sim::simulate::{
     Beginning, HostController, Plant, Precision, Sample, Scenario, Simulation, Summary, Trajectory,
     Truth, Weather,
 };
-use cdpr_link::{Decision, Mode, Note};
+use cdpr_link::{Decision, Start};
 use cdpr_tests::images::M4F_F32;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
@@ -29,44 +27,11 @@ fn crane() -> RobotDescription {
 }
 
 fn truth(crane: &RobotDescription) -> Truth {
-    let blueprint = blueprint::<f64>(crane).unwrap();
-    let body = crane.body;
-    Truth {
-        robot: blueprint.robot,
-        mass_kg: crane.load.mass_kg,
-        center_of_mass_m: crane.load.center_of_mass_m,
-        inertia_kg_m2: Vector3::new(
-            body.inertia_x_kg_m2,
-            body.inertia_y_kg_m2,
-            body.inertia_z_kg_m2,
-        ),
-        gravity_m_s2: crane.load.gravity_m_s2,
-        body,
-    }
+    Truth::of(crane, &Scenario::default())
 }
 
 fn level(x: f64, y: f64, z: f64) -> Stance<f64> {
     Stance { position_m: Vector3::new(x, y, z), orientation: UnitQuaternion::identity() }
-}
-
-/// Brakes closed, nothing commanded.
-fn braked() -> Decision<f64> {
-    Decision {
-        motors: None,
-        brakes_released: false,
-        mode: Mode::Disarmed,
-        is_halted: false,
-        waiting: 0,
-        is_warning: false,
-        is_refusal: false,
-        position_m: [0.0; 3],
-        quaternion: [1.0, 0.0, 0.0, 0.0],
-        rest_lengths_m: [0.0; CABLES],
-        tensions_n: [0.0; CABLES],
-        contraction: 0.0,
-        distance: 0.0,
-        note: Note::new(),
-    }
 }
 
 /// Rest lengths of all proven solutions at a level pose.
@@ -82,20 +47,22 @@ fn solutions(crane: &RobotDescription, place: &Stance<f64>) -> Vec<[f64; CABLES]
     answer.solutions.iter().map(|found| found.solution.states.map(|s| s.rest_length_m)).collect()
 }
 
+fn start(place: &Stance<f64>, lengths_m: &[f64; CABLES]) -> Start {
+    let q = place.orientation.as_ref();
+    Start {
+        position_m: place.position_m.into(),
+        quaternion: [q.w, q.i, q.j, q.k],
+        home_lengths_m: *lengths_m,
+    }
+}
+
 fn plant(
     crane: &RobotDescription,
     truth: &Truth,
     place: &Stance<f64>,
     lengths_m: &[f64; CABLES],
 ) -> Plant {
-    let q = place.orientation.as_ref();
-    let start = cdpr_link::Start {
-        position_m: place.position_m.into(),
-        quaternion: [q.w, q.i, q.j, q.k],
-        home_lengths_m: *lengths_m,
-    };
-    let zero = cdpr_core::CableState { force_n: Vector2::zeros(), rest_length_m: 0.0 };
-    let drums = Beginning { start, states: [zero; CABLES] }.drums(crane).unwrap();
+    let drums = start(place, lengths_m).drums(&crane.drum()).unwrap();
     Plant::new(*truth, &crane.winch, &drums, 1e-3, place, lengths_m).unwrap()
 }
 
@@ -120,12 +87,13 @@ fn the_plant_rests_where_inverse_kinematics_says() {
                 continue;
             }
             let mut plant = plant(&crane, &truth, &place, &lengths_m);
+            let braked = Decision::disarmed(&start(&place, &lengths_m));
             // Where the slowest swing dies down within seconds it is pushed first; elsewhere it must stay.
             if rested == 0 {
                 plant.set_velocity(&Vector3::new(1e-4, -1e-4, 0.5e-4));
             }
             for _ in 0..12_000 {
-                plant.step(&braked(), &Weather::default()).unwrap();
+                plant.step(&braked, &Weather::default()).unwrap();
             }
             let motion = plant.motion();
             let error_m = (motion.place.position_m - place.position_m).norm();
@@ -149,6 +117,7 @@ fn energy_is_kept() {
     let truth = truth(&crane);
     let mut plant = plant(&crane, &truth, &place, &lengths_m);
     plant.set_velocity(&Vector3::new(0.3, -0.2, 0.1));
+    let braked = Decision::disarmed(&start(&place, &lengths_m));
     let energy_j = |plant: &Plant| {
         let motion = plant.motion();
         let turn = motion.place.orientation;
@@ -165,18 +134,18 @@ fn energy_is_kept() {
             .sum();
         (moving, moving + truth.mass_kg * truth.gravity_m_s2 * height_m + cables)
     };
-    let (most_moving, start) = energy_j(&plant);
+    let (most_moving, at_start) = energy_j(&plant);
     let mut exchanged: f64 = 0.0;
     for _ in 0..40 {
         for _ in 0..50 {
-            plant.step(&braked(), &Weather::default()).unwrap();
+            plant.step(&braked, &Weather::default()).unwrap();
         }
         let (moving, all) = energy_j(&plant);
         exchanged = exchanged.max(most_moving - moving);
         // A step is wrong by 1e-7 in the state at most: in 2000 of them 2e-4 of the motion, if all erred alike.
         assert!(
-            (all - start).abs() < 2e-4 * most_moving,
-            "{all} J after {start} J, {most_moving} J of it moving"
+            (all - at_start).abs() < 2e-4 * most_moving,
+            "{all} J after {at_start} J, {most_moving} J of it moving"
         );
     }
     assert!(exchanged > 0.5 * most_moving);
@@ -262,15 +231,8 @@ fn residual_n(
 
 /// From (2, 7, 2.5) to (2.3, 8, 2.6) and back in eight seconds, from rest to rest.
 fn there_and_back() -> Trajectory {
-    let mut text = "time_s,x_m,y_m,z_m\n".to_owned();
-    for i in 0..=80 {
-        let u = f64::from(i) / 40.0;
-        let u = if u > 1.0 { 2.0 - u } else { u };
-        let s = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
-        let (x, y, z) = (2.0 + 0.3 * s, 7.0 + s, 2.5 + 0.1 * s);
-        writeln!(text, "{},{x},{y},{z}", 0.1 * f64::from(i)).unwrap();
-    }
-    Trajectory::parse(&text, "there-and-back.csv").unwrap()
+    let text = include_str!("../../host-sim/trajectories/there-and-back.csv");
+    Trajectory::parse(text, "there-and-back.csv").unwrap()
 }
 
 /// Runs it with this scenario.
@@ -296,7 +258,7 @@ fn run(scenario: &Scenario, precision: Precision) -> Summary {
 fn with(faults: &[(f64, f64, Fault)]) -> Scenario {
     let timed =
         |&(from_s, until_s, fault): &(f64, f64, Fault)| TimedFault { from_s, until_s, fault };
-    Scenario { gust_time_s: 1.0, faults: faults.iter().map(timed).collect(), ..Scenario::default() }
+    Scenario { faults: faults.iter().map(timed).collect(), ..Scenario::default() }
 }
 
 fn says(summary: &Summary, what: &str) -> bool {
@@ -323,9 +285,9 @@ fn with_exact_parameters_the_static_error_is_below_a_millimetre() {
 #[test]
 fn wrong_cables_are_reported() {
     let mut heavy = with(&[]);
-    heavy.linear_density_factor.0 = 1.1;
+    heavy.linear_density_factor = 1.1;
     let mut soft = with(&[]);
-    soft.axial_stiffness_factor.0 = 0.9;
+    soft.axial_stiffness_factor = 0.9;
     for scenario in [heavy, soft] {
         let summary = run(&scenario, Precision::F32);
         assert!(summary.outcome.is_at_end());
@@ -411,7 +373,7 @@ fn the_firmware_closes_the_loop_as_the_host_does() {
     let host = HostController::start(&crane, &beginning, Some(table), Precision::F32).unwrap();
     let mut firmware = Firmware::launch(M4F_F32.machine, &M4F_F32.build("in_the_loop")).unwrap();
     let theirs = firmware.start(&beginning.start).unwrap();
-    let ours = cdpr_link::Identity::of(&blueprint::<f32>(&crane).unwrap());
+    let ours = cdpr_link::Identity::of(&controller::blueprint::<f32>(&crane).unwrap());
     assert_eq!(ours.differs_in(&theirs), None);
 
     let mut on_host = Simulation::new(&crane, &trajectory, &scenario, &beginning, host).unwrap();

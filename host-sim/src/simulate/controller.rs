@@ -1,6 +1,6 @@
 //! The controller in the loop: that of core on the host, in either precision.
 
-use cdpr_core::winch::{Countable, Drum, DrumFault, MotorAngle};
+use cdpr_core::winch::{Countable, DrumFault};
 use cdpr_core::{
     CABLES, Cable, CableState, GeometryFault, IrvineCatenary, Load, Pose, Robot, SetPoint, Table,
     Tracker, Twist,
@@ -121,16 +121,6 @@ impl Beginning {
             home_lengths_m: states.map(|state| state.rest_length_m),
         };
         Ok(Self { start, states })
-    }
-
-    /// The six drums, in double precision.
-    ///
-    /// # Errors
-    /// [`BeginError::Drum`].
-    pub fn drums(&self, robot: &RobotDescription) -> Result<[Drum<f64>; CABLES], BeginError> {
-        let design = robot.drum();
-        let drum = |i: usize| Drum::new(&design, self.start.home_lengths_m[i], MotorAngle::ZERO);
-        Ok([drum(0)?, drum(1)?, drum(2)?, drum(3)?, drum(4)?, drum(5)?])
     }
 }
 

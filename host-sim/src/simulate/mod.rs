@@ -28,15 +28,14 @@ pub use summary::Summary;
 pub use trajectory::{Trajectory, TrajectoryError};
 
 use cdpr_core::controller::Stance;
-use cdpr_core::{CABLES, IrvineCatenary, Load};
-use cdpr_link::{Decision, Inputs, Mode, Note};
+use cdpr_core::{CABLES, Load};
+use cdpr_link::{Decision, Inputs, Mode};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand::SeedableRng as _;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::forward::{self, ForwardError};
-use crate::problem::FromMaterial as _;
 use crate::robot_file::RobotDescription;
 use operator::{Operator, Progress};
 use scenario::Fault;
@@ -131,8 +130,8 @@ pub struct Simulation<'a, C> {
     operator: Operator,
     random: ChaCha8Rng,
     gust_m_s: Vector3<f64>,
-    nominal_mass_kg: f64,
-    further_load: Load<f64>,
+    /// Of the platform as the robot file says.
+    load: Load<f64>,
     period_s: f64,
     tick: u64,
     last: Decision<f64>,
@@ -159,33 +158,13 @@ impl<'a, C: Controller> Simulation<'a, C> {
     ) -> Result<Self, SimulationError<C::Error>> {
         let plant_error = |error| SimulationError::Plant { time_s: 0.0, error };
         let load = robot.load;
-        let model = |material: &crate::robot_file::CableMaterial| {
-            let mut material = *material;
-            material.linear_density_kg_m *= scenario.linear_density_factor.0;
-            material.axial_stiffness_n *= scenario.axial_stiffness_factor.0;
-            IrvineCatenary::from_material(&material, load.gravity_m_s2)
-        };
-        let body = robot.body;
-        let truth = Truth {
-            robot: robot.robot.map_models(|_, material| model(material)),
-            mass_kg: load.mass_kg,
-            center_of_mass_m: load.center_of_mass_m,
-            inertia_kg_m2: Vector3::new(
-                body.inertia_x_kg_m2,
-                body.inertia_y_kg_m2,
-                body.inertia_z_kg_m2,
-            ),
-            gravity_m_s2: load.gravity_m_s2,
-            body,
-        };
+        let truth = Truth::of(robot, scenario);
         let lengths_m =
             beginning.start.home_lengths_m.map(|length_m| length_m + scenario.winches_off_m);
         let start = beginning.start.stance();
         let rest = forward::at_rest(&truth.robot, &load, &lengths_m, &start)?.place;
-        let drums = beginning.drums(robot).map_err(|error| {
-            let BeginError::Drum(fault) = error else { unreachable!("the only error of drums") };
-            plant_error(PlantError::Drum(fault))
-        })?;
+        let drums = beginning.start.drums(&robot.drum()).map_err(PlantError::Drum);
+        let drums = drums.map_err(plant_error)?;
         let period_s = robot.control.period_s;
         let plant = Plant::new(truth, &robot.winch, &drums, period_s, &rest, &lengths_m)
             .map_err(plant_error)?;
@@ -198,11 +177,10 @@ impl<'a, C: Controller> Simulation<'a, C> {
             operator: Operator::new(robot.control.way_point_s, period_s, scenario.operator_waits_s),
             random: ChaCha8Rng::seed_from_u64(scenario.seed),
             gust_m_s: Vector3::zeros(),
-            nominal_mass_kg: load.mass_kg,
-            further_load: load,
+            load,
             period_s,
             tick: 0,
-            last: at_first(&beginning.start),
+            last: Decision::disarmed(&beginning.start),
             set_out: None,
             has_swung: false,
             over_s: 0.0,
@@ -301,7 +279,7 @@ impl<'a, C: Controller> Simulation<'a, C> {
     /// place to rest on these lengths nearby. Cost: some 20 us.
     pub fn pose_error(&mut self, sample: &Sample) -> Option<PoseError> {
         let truth = self.plant.truth();
-        let load = Load { mass_kg: truth.mass_kg, ..self.further_load };
+        let load = Load { mass_kg: truth.mass_kg, ..self.load };
         let rest = |lengths_m: &[f64; CABLES], guess: &Stance<f64>| {
             let rest = forward::at_rest(&truth.robot, &load, lengths_m, guess).ok()?;
             rest.is_stable().then_some(rest.place)
@@ -345,8 +323,8 @@ impl<'a, C: Controller> Simulation<'a, C> {
     fn apply_faults(&mut self) -> (Weather, bool, bool) {
         let scenario = self.scenario;
         let mut ailments = [Ailments::NONE; CABLES];
-        let mut mass_kg = self.nominal_mass_kg;
-        let further = &self.further_load;
+        let mut mass_kg = self.load.mass_kg;
+        let further = &self.load;
         let mut weather = Weather {
             wind_m_s: scenario.wind_m_s,
             force_n: further.force_n,
@@ -368,7 +346,7 @@ impl<'a, C: Controller> Simulation<'a, C> {
             match timed.fault {
                 Fault::WinchStuck(winch) => ailments[winch].is_stuck = true,
                 Fault::WinchSlow { winch, speed_m_s } => {
-                    ailments[winch].slowest_m_s = Some(speed_m_s);
+                    ailments[winch].fastest_m_s = Some(speed_m_s);
                 }
                 Fault::EncoderStuck(winch) => ailments[winch].is_sensor_stuck = true,
                 Fault::EncoderParity(winch) => ailments[winch].is_sensor_corrupt = true,
@@ -402,26 +380,6 @@ fn whole(number: f64) -> i32 {
 #[expect(clippy::cast_possible_truncation, reason = "rounds")]
 fn single(number: f64) -> f32 {
     number as f32
-}
-
-/// What stands before the first decision.
-fn at_first(start: &cdpr_link::Start) -> Decision<f64> {
-    Decision {
-        motors: None,
-        brakes_released: false,
-        mode: Mode::Disarmed,
-        is_halted: false,
-        waiting: 0,
-        is_warning: false,
-        is_refusal: false,
-        position_m: start.position_m,
-        quaternion: start.quaternion,
-        rest_lengths_m: start.home_lengths_m,
-        tensions_n: [0.0; CABLES],
-        contraction: 0.0,
-        distance: 0.0,
-        note: Note::new(),
-    }
 }
 
 /// Whether all that a winch would be told is a number.

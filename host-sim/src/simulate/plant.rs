@@ -22,8 +22,10 @@ use nalgebra::{Matrix2, Quaternion, UnitQuaternion, Vector2, Vector3};
 use ode_solvers::{Dopri5, OutputType, SVector, System};
 use std::cell::Cell;
 
+use super::scenario::Scenario;
 use super::winch::{Ailments, Drive, Mechanics, Winch};
-use crate::robot_file::{Body, WinchDesign};
+use crate::problem::FromMaterial as _;
+use crate::robot_file::{Body, CableMaterial, RobotDescription, WinchDesign};
 
 /// Density of air, kg/m^3.
 const AIR_KG_M3: f64 = 1.2;
@@ -51,6 +53,33 @@ pub struct Truth {
     pub gravity_m_s2: f64,
     /// Air and damping.
     pub body: Body,
+}
+
+impl Truth {
+    /// What `robot` describes, but for what is wrong with it in `scenario`.
+    #[must_use]
+    pub fn of(robot: &RobotDescription, scenario: &Scenario) -> Self {
+        let RobotDescription { load, body, .. } = robot;
+        let model = |material: &CableMaterial| {
+            let material = CableMaterial {
+                linear_density_kg_m: material.linear_density_kg_m * scenario.linear_density_factor,
+                axial_stiffness_n: material.axial_stiffness_n * scenario.axial_stiffness_factor,
+            };
+            IrvineCatenary::from_material(&material, load.gravity_m_s2)
+        };
+        Self {
+            robot: robot.robot.map_models(|_, material| model(material)),
+            mass_kg: load.mass_kg,
+            center_of_mass_m: load.center_of_mass_m,
+            inertia_kg_m2: Vector3::new(
+                body.inertia_x_kg_m2,
+                body.inertia_y_kg_m2,
+                body.inertia_z_kg_m2,
+            ),
+            gravity_m_s2: load.gravity_m_s2,
+            body: *body,
+        }
+    }
 }
 
 /// What acts on the platform from outside during a period, besides gravity.
@@ -121,7 +150,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// At rest at `place` with `lengths_m` paid out, brakes closed; the motors stand at angle 0 where `home_m` are.
+    /// At rest at `place` with `lengths_m` paid out, brakes closed; the motors stand as `drums` say.
     ///
     /// # Errors
     /// [`PlantError`].

@@ -52,14 +52,14 @@ use crate::input_file::{self, InputFileError};
 use crate::toml_file::Source;
 
 /// What goes wrong in a simulation.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     /// Where random numbers begin.
     pub seed: u64,
     /// True over believed linear density of the cables.
-    pub linear_density_factor: Factor,
+    pub linear_density_factor: f64,
     /// True over believed axial stiffness.
-    pub axial_stiffness_factor: Factor,
+    pub axial_stiffness_factor: f64,
     /// Mean velocity of the wind, m/s.
     pub wind_m_s: Vector3<f64>,
     /// Standard deviation of gusts along each axis, m/s.
@@ -80,13 +80,23 @@ pub struct Scenario {
     pub faults: Vec<TimedFault>,
 }
 
-/// A positive factor, 1 unless given.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Factor(pub f64);
-
-impl Default for Factor {
+/// Nothing goes wrong.
+impl Default for Scenario {
     fn default() -> Self {
-        Self(1.0)
+        Self {
+            seed: 0,
+            linear_density_factor: 1.0,
+            axial_stiffness_factor: 1.0,
+            wind_m_s: Vector3::zeros(),
+            gust_m_s: 0.0,
+            gust_time_s: 1.0,
+            tension_noise_n: 0.0,
+            encoder_noise_counts: 0.0,
+            winches_off_m: 0.0,
+            swing_m_s: Vector3::zeros(),
+            operator_waits_s: None,
+            faults: Vec::new(),
+        }
     }
 }
 
@@ -237,6 +247,7 @@ impl Scenario {
             Some(value) => source.not_negative(value, field),
             None => Ok(0.0),
         };
+        let usual = Self::default();
         let Document { seed, cable, wind, noise, start, operator, fault } = &document;
         let off_m = match &start.winches_off_m {
             Some(value) => source.number(value, "start.winches_off_m", f64::is_finite, "finite")?,
@@ -244,19 +255,19 @@ impl Scenario {
         };
         Ok(Self {
             seed: seed.unwrap_or_default(),
-            linear_density_factor: Factor(positive(
+            linear_density_factor: positive(
                 &cable.linear_density_factor,
                 "cable.linear_density_factor",
-                1.0,
-            )?),
-            axial_stiffness_factor: Factor(positive(
+                usual.linear_density_factor,
+            )?,
+            axial_stiffness_factor: positive(
                 &cable.axial_stiffness_factor,
                 "cable.axial_stiffness_factor",
-                1.0,
-            )?),
+                usual.axial_stiffness_factor,
+            )?,
             wind_m_s: vector(&wind.velocity_m_s, "wind.velocity_m_s")?,
             gust_m_s: not_negative(&wind.gust_m_s, "wind.gust_m_s")?,
-            gust_time_s: positive(&wind.gust_time_s, "wind.gust_time_s", 1.0)?,
+            gust_time_s: positive(&wind.gust_time_s, "wind.gust_time_s", usual.gust_time_s)?,
             tension_noise_n: not_negative(&noise.tension_n, "noise.tension_n")?,
             encoder_noise_counts: not_negative(&noise.encoder_counts, "noise.encoder_counts")?,
             winches_off_m: off_m,
@@ -371,8 +382,8 @@ mod tests {
             [[fault]]\nkind = 'push'\nforce_n = [0, 10, 0]\n";
         let scenario = Scenario::parse(text, "f.toml").unwrap();
         assert_eq!(scenario.seed, 7);
-        assert_eq!(scenario.linear_density_factor, Factor(1.1));
-        assert_eq!(scenario.axial_stiffness_factor, Factor(1.0));
+        assert_eq!(scenario.linear_density_factor.to_string(), "1.1");
+        assert_eq!(scenario.axial_stiffness_factor.to_string(), "1");
         assert_eq!(scenario.operator_waits_s, Some(1.0));
         let stuck = TimedFault { from_s: 10.0, until_s: 12.0, fault: Fault::WinchStuck(2) };
         let force_n = Vector3::new(0.0, 10.0, 0.0);

@@ -114,8 +114,10 @@ impl Trajectory {
             };
             refuse(line, "columns", &message)
         };
-        let columns = Columns::of(reader.headers().map_err(|error| unreadable(&error))?)
-            .map_err(|(field, message)| refuse(1, &field, &message))?;
+        let header = reader.headers().map_err(|error| unreadable(&error))?;
+        let header_line = header.position().map_or(1, csv::Position::line);
+        let columns = Columns::of(header)
+            .map_err(|(field, message)| refuse(header_line, &field, &message))?;
         let mut knots: Vec<Knot> = Vec::new();
         for record in reader.records() {
             let record = record.map_err(|error| unreadable(&error))?;
@@ -130,7 +132,7 @@ impl Trajectory {
             knots.push(knot);
         }
         if knots.len() < 2 {
-            return Err(refuse(1, TIME, "two set-points are needed at least"));
+            return Err(refuse(header_line, TIME, "two set-points are needed at least"));
         }
         // Time begins at 0, and a quaternion and its negative are the same orientation.
         let begin_s = knots[0].time_s;
@@ -187,7 +189,6 @@ impl Trajectory {
             &(b.quaternion_rate * span_s),
             u,
         );
-        let quaternion = |v: &Vector4<f64>| Quaternion::new(v[0], v[1], v[2], v[3]);
         // Angular velocity 2 Im(q' q*) / |q|^2.
         let turning =
             (quaternion(&q_rate) * quaternion(&q).conjugate()).imag() * (2.0 / q.norm_squared());
@@ -203,8 +204,7 @@ impl Trajectory {
     /// The first pose or the last, at rest to the bit: what moves is waited for.
     fn end(&self, is_last: bool) -> Point {
         let knot = &self.knots[if is_last { self.knots.len() - 1 } else { 0 }];
-        let q = &knot.quaternion;
-        let orientation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let orientation = UnitQuaternion::from_quaternion(quaternion(&knot.quaternion));
         Point {
             stance: Stance { position_m: knot.position_m, orientation },
             twist: Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() },
@@ -252,6 +252,11 @@ impl Trajectory {
             here = Point { stance: way_point.stance, twist: way_point.twist };
         }
     }
+}
+
+/// Of its components w, x, y, z.
+fn quaternion(v: &Vector4<f64>) -> Quaternion<f64> {
+    Quaternion::new(v[0], v[1], v[2], v[3])
 }
 
 /// A cubic from `a` to `b` with its rates there, over the share `u`: value and rate.

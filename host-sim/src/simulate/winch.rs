@@ -114,7 +114,7 @@ pub struct Ailments {
     /// It does not turn.
     pub is_stuck: bool,
     /// It turns no faster, m/s of rest length.
-    pub slowest_m_s: Option<f64>,
+    pub fastest_m_s: Option<f64>,
     /// The sensor shows the same angle for ever.
     pub is_sensor_stuck: bool,
     /// The sensor's answers have the wrong parity.
@@ -125,7 +125,7 @@ impl Ailments {
     /// None.
     pub const NONE: Self = Self {
         is_stuck: false,
-        slowest_m_s: None,
+        fastest_m_s: None,
         is_sensor_stuck: false,
         is_sensor_corrupt: false,
     };
@@ -170,7 +170,7 @@ pub(super) struct Drive {
 }
 
 impl Winch {
-    /// A winch with `length_m` paid out whose motor stands at angle 0 with `home_m` paid out.
+    /// A winch with `length_m` paid out; its motor stands as `drum` says.
     pub(super) fn new(
         design: &WinchDesign,
         period_s: f64,
@@ -255,7 +255,7 @@ impl Winch {
         let full_scale_m_s = self.design.max_speed_m_s * self.rad_per_m.signum();
         self.delayed_m_s.push_back(sign * share * full_scale_m_s);
         let wanted_m_s = self.delayed_m_s.pop_front().unwrap_or_default();
-        let fastest_m_s = self.ailments.slowest_m_s.unwrap_or(f64::INFINITY);
+        let fastest_m_s = self.ailments.fastest_m_s.unwrap_or(f64::INFINITY);
 
         if self.brake.is_locked == is_brake_released {
             self.brake.changing_s += self.period_s;
