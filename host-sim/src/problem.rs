@@ -2,9 +2,10 @@
 
 use cdpr_core::statics::Balance;
 use cdpr_core::{
-    CABLES, CableModel, GeometryFault, IrvineCatenary, LinearElastic, Load, NonDeformable,
-    Parabola, Pose, Robot,
+    CABLES, Cable, CableModel, GeometryFault, IrvineCatenary, LinearElastic, Load, NonDeformable,
+    Parabola, Pose, Real, Robot,
 };
+use nalgebra::Vector3;
 
 use crate::robot_file::{CableLimits, CableMaterial};
 
@@ -42,6 +43,34 @@ impl<M: CableModel<f64>> Problem<M> {
     pub fn model(&self, cable: usize) -> &M {
         &self.robot.cables()[cable].model
     }
+}
+
+/// Robot and load as a controller in `T` has them: each number rounded once.
+///
+/// # Errors
+/// [`GeometryFault`]: rounded it is no robot.
+#[allow(clippy::type_complexity)] // two things, each with its name in the type
+pub fn rounded<T: Real>(
+    robot: &Robot<f64, IrvineCatenary<f64>>,
+    load: &Load<f64>,
+) -> Result<(Robot<T, IrvineCatenary<T>>, Load<T>), GeometryFault> {
+    let vector = |v: &Vector3<f64>| v.map(T::constant);
+    let cables = robot.cables().map(|cable| Cable {
+        anchor_m: vector(&cable.anchor_m),
+        attachment_m: vector(&cable.attachment_m),
+        model: IrvineCatenary {
+            weight_n_m: T::constant(cable.model.weight_n_m),
+            compliance_per_n: T::constant(cable.model.compliance_per_n),
+        },
+    });
+    let load = Load {
+        mass_kg: T::constant(load.mass_kg),
+        center_of_mass_m: vector(&load.center_of_mass_m),
+        gravity_m_s2: T::constant(load.gravity_m_s2),
+        force_n: vector(&load.force_n),
+        moment_nm: vector(&load.moment_nm),
+    };
+    Ok((Robot::new(cables)?, load))
 }
 
 /// A cable model that can be made from the material in a robot file.

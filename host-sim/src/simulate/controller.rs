@@ -2,8 +2,7 @@
 
 use cdpr_core::winch::{Countable, DrumFault};
 use cdpr_core::{
-    CABLES, Cable, CableState, GeometryFault, IrvineCatenary, Load, Pose, Robot, SetPoint, Table,
-    Tracker, Twist,
+    CABLES, CableState, GeometryFault, IrvineCatenary, Pose, SetPoint, Table, Tracker, Twist,
 };
 use cdpr_link::station::{Blueprint, StationFault};
 use cdpr_link::{Decision, Inputs, Start, Station};
@@ -12,7 +11,7 @@ use nalgebra::Vector3;
 use super::trajectory::Trajectory;
 use crate::choice::{Choice, ChoiceError, choose};
 use crate::enumerate::{ModelKind, Request};
-use crate::problem::FromMaterial as _;
+use crate::problem::{FromMaterial as _, rounded};
 use crate::robot_file::RobotDescription;
 
 /// What decides in each period: the controller on the host, firmware, or a user's own.
@@ -131,29 +130,13 @@ impl Beginning {
 pub fn blueprint<T: Countable>(
     robot: &RobotDescription,
 ) -> Result<Blueprint<T, IrvineCatenary<T>>, GeometryFault> {
-    let vector = |v: &Vector3<f64>| v.map(T::constant);
-    let gravity_m_s2 = robot.load.gravity_m_s2;
-    let cables = robot.robot.cables().map(|cable| {
-        let model = IrvineCatenary::from_material(&cable.model, gravity_m_s2);
-        Cable {
-            anchor_m: vector(&cable.anchor_m),
-            attachment_m: vector(&cable.attachment_m),
-            model: IrvineCatenary {
-                weight_n_m: T::constant(model.weight_n_m),
-                compliance_per_n: T::constant(model.compliance_per_n),
-            },
-        }
-    });
-    let load = &robot.load;
+    let exact = robot
+        .robot
+        .map_models(|_, material| IrvineCatenary::from_material(material, robot.load.gravity_m_s2));
+    let (rounded_robot, load) = rounded(&exact, &robot.load)?;
     Ok(Blueprint {
-        robot: Robot::new(cables)?,
-        load: Load {
-            mass_kg: T::constant(load.mass_kg),
-            center_of_mass_m: vector(&load.center_of_mass_m),
-            gravity_m_s2: T::constant(gravity_m_s2),
-            force_n: vector(&load.force_n),
-            moment_nm: vector(&load.moment_nm),
-        },
+        robot: rounded_robot,
+        load,
         tracker: robot.tracker_settings(),
         controller: robot.controller_settings(),
         drum: robot.drum(),

@@ -12,6 +12,7 @@ use super::place::pose;
 use super::{Model, machine};
 use crate::complete::complete;
 use crate::problem::Problem;
+use crate::problem::rounded;
 use crate::robot_file::CableLimits;
 
 /// The complete search goes this far beyond the longest length that the table leads to at a pose.
@@ -127,22 +128,7 @@ fn single(
     exact: &Pose<f64>,
 ) -> Result<(Robot<f32, IrvineCatenary<f32>>, Load<f32>, Pose<f32>), TableFault> {
     let vector = |v: &Vector3<f64>| v.map(|c| c as f32);
-    let cables = robot.cables().map(|cable| cdpr_core::Cable {
-        anchor_m: vector(&cable.anchor_m),
-        attachment_m: vector(&cable.attachment_m),
-        model: IrvineCatenary {
-            weight_n_m: cable.model.weight_n_m as f32,
-            compliance_per_n: cable.model.compliance_per_n as f32,
-        },
-    });
-    let load = Load {
-        mass_kg: load.mass_kg as f32,
-        center_of_mass_m: vector(&load.center_of_mass_m),
-        gravity_m_s2: load.gravity_m_s2 as f32,
-        force_n: vector(&load.force_n),
-        moment_nm: vector(&load.moment_nm),
-    };
-    let robot = Robot::new(cables).map_err(|_| TableFault::Malformed)?;
+    let (robot, load) = rounded(robot, load).map_err(|_| TableFault::Malformed)?;
     let turn = exact.turn_vector().ok_or(TableFault::OutsideRegion)?;
     let w = (0.5 * (1.0 + (1.0 - turn.norm_squared()).sqrt())).sqrt();
     let v = vector(&(turn / (2.0 * w)));
