@@ -24,6 +24,7 @@ use crate::table::OrderError;
 use cdpr_core::TableFault;
 
 mod forward;
+mod import;
 mod simulate;
 mod table;
 mod workspace;
@@ -58,6 +59,8 @@ enum Command {
     Enumerate(Enumerate),
     /// Follow all solutions of a pose over a range of one parameter, through folds
     Branches(Branches),
+    /// Make a robot file from files of CASPR or WireX
+    Import(Box<import::Import>),
     /// Warm-start tables for the controller: build, merge, inspect, verify
     #[command(subcommand)]
     Table(table::TableCommand),
@@ -240,6 +243,9 @@ pub enum CliError {
         "--firmware: it is built for another {0}; --mass, --max-length, --max-tension and the robot file must say what it knows"
     )]
     AnotherFirmware(&'static str),
+    /// A robot is not imported.
+    #[error(transparent)]
+    Import(#[from] crate::import::ImportError),
     /// There is no place to rest.
     #[error(transparent)]
     Forward(#[from] crate::forward::ForwardError),
@@ -284,6 +290,7 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
     match cli.command {
         Some(Command::Enumerate(options)) => options.run(out),
         Some(Command::Branches(options)) => options.run(out),
+        Some(Command::Import(options)) => options.run(out),
         Some(Command::Table(command)) => command.run(out),
         Some(Command::Workspace(options)) => options.run(out),
         Some(Command::Forward(options)) => options.run(out),
