@@ -264,7 +264,7 @@ pub enum CliError {
 }
 
 impl CliError {
-    /// Exit code: 2 for bad input, 1 for anything else.
+    /// Exit code: 2 for bad input, 1 for anything else; two that scripts wait for or expect, as they know them.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -276,6 +276,7 @@ impl CliError {
             | Self::NotTracked(_)
             | Self::Forward(_) => 1,
             Self::Interrupted => 130, // as a shell says it
+            Self::Journal(JournalError::Busy { .. }) => 75, // EX_TEMPFAIL: the same may work later
             _ => 2,
         }
     }
