@@ -101,7 +101,7 @@ def make_part(number: int, command: list[str], folder: str, stop_name: str) -> d
     def stopped() -> bool:
         try:
             return stop.is_set()
-        except Exception:  # without a scheduler nobody waits for this part
+        except (OSError, RuntimeError, ValueError):  # without a scheduler nobody waits for the part
             return True
 
     while True:
