@@ -35,10 +35,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from distributed import Client, Event, Future, LocalCluster, as_completed, get_worker
+from distributed import Client, Event, Future, LocalCluster, as_completed, get_worker, wait
 
 TOPIC = "cdpr-parts"
 BUSY = 75  # what cdpr says when another process is making the part
+STOPPED = -15  # as if terminated
+STOP_TIMEOUT_S = 30  # cdpr ends at once; a worker asks every second whether it should
 
 
 @dataclass(frozen=True)
@@ -92,11 +94,14 @@ def plan(command: list[str], shards: int, out: Path, folder: Path, threads: int 
 def make_part(number: int, command: list[str], folder: str, stop_name: str) -> dict[str, Any]:
     """Runs the command of a part on a worker, to its end or until `stop_name` is set.
 
-    Waits while another process makes the part. Never raises for a command that fails: the driver decides.
+    Waits while another process makes the part. Raises nothing when the command fails: the driver decides.
     """
     worker = get_worker()
     stop = Event(stop_name)
     told = False
+
+    def result(code: int, text: str) -> dict[str, Any]:
+        return {"number": number, "code": code, "stderr": text, "worker": worker.address}
 
     def stopped() -> bool:
         try:
@@ -104,7 +109,7 @@ def make_part(number: int, command: list[str], folder: str, stop_name: str) -> d
         except (OSError, RuntimeError, ValueError):  # without a scheduler nobody waits for the part
             return True
 
-    while True:
+    while not stopped():
         try:
             child = subprocess.Popen(
                 command,
@@ -116,25 +121,21 @@ def make_part(number: int, command: list[str], folder: str, stop_name: str) -> d
                 errors="replace",
             )
         except OSError as error:
-            return {"number": number, "code": 127, "stderr": str(error), "worker": worker.address}
-        try:
-            while True:
-                try:
-                    _, text = child.communicate(timeout=1.0)
-                    break
-                except subprocess.TimeoutExpired:
-                    if stopped():
-                        child.terminate()
-        finally:
-            if child.poll() is None:
-                child.kill()
-                child.wait()
-        if child.returncode != BUSY or stopped():
-            return {"number": number, "code": child.returncode, "stderr": text, "worker": worker.address}
+            return result(127, str(error))
+        while True:
+            try:
+                _, text = child.communicate(timeout=1.0)
+                break
+            except subprocess.TimeoutExpired:
+                if stopped():
+                    child.terminate()
+        if child.returncode != BUSY:
+            return result(child.returncode, text)
         if not told:
             worker.log_event(TOPIC, f"part {number}: another process is making it; waiting for that")
             told = True
         time.sleep(2.0)
+    return result(STOPPED, "stopped")
 
 
 def say(text: str) -> None:
@@ -147,51 +148,48 @@ def make_all(client: Client, job: Job, retries: int) -> bool:
     client.subscribe_topic(TOPIC, lambda event: say(str(event[1])))
     stop_name = f"cdpr-stop-{uuid.uuid4()}"
     stop = Event(stop_name, client=client)
-    folder = os.getcwd()
+    folder = str(Path.cwd())
     left = dict.fromkeys(range(len(job.commands)), retries)
+    indices: dict[Future, int] = {}
 
     def submit(index: int) -> Future:
-        return client.submit(
-            make_part,
-            index + 1,
-            job.commands[index],
-            folder,
-            stop_name,
-            key=f"cdpr-part-{index + 1}-{uuid.uuid4()}",
-            pure=False,
-            retries=retries,
-        )
+        name = f"cdpr-part-{index + 1}-{uuid.uuid4()}"
+        command = job.commands[index]
+        future = client.submit(make_part, index + 1, command, folder, stop_name, key=name, pure=False)
+        indices[future] = index
+        return future
 
-    indices = {}
+    if not client.scheduler_info()["workers"]:
+        say("waiting for workers")
     try:
-        for index in range(len(job.commands)):
-            indices[submit(index)] = index
-        running = as_completed(list(indices))
+        running = as_completed([submit(index) for index in range(len(job.commands))])
         done = 0
         for future in running:
             index = indices.pop(future)
-            if future.status != "finished":
-                say(f"part {index + 1}: lost with its workers: {future.exception()}")
-                return False
-            result = future.result()
-            where, code = result["worker"], result["code"]
-            if code == 0:
-                done += 1
-                say(f"part {index + 1} done on {where} ({done} of {len(job.commands)})")
-                continue
-            say(f"part {index + 1} failed on {where}, exit code {code}: {shlex.join(job.commands[index])}")
-            print(result["stderr"].rstrip(), file=sys.stderr, flush=True)
-            # Killed from outside: elsewhere it may live. What cdpr itself refuses it refuses anywhere.
+            command = shlex.join(job.commands[index])
+            if future.status == "finished":
+                made = future.result()
+                where, code, text = made["worker"], made["code"], made["stderr"].rstrip()
+                if code == 0:
+                    done += 1
+                    say(f"part {index + 1} done on {where} ({done} of {len(job.commands)})")
+                    continue
+                say(f"part {index + 1} failed on {where}, exit code {code}: {command}")
+            else:
+                code, text = -1, str(future.exception())
+                say(f"part {index + 1} was lost with the workers that had it: {command}")
+            print(text, file=sys.stderr, flush=True)
+            # Killed from outside, it may live elsewhere; what cdpr itself refuses it refuses anywhere.
             if code > 0 or left[index] == 0:
                 return False
             left[index] -= 1
-            again = submit(index)
-            indices[again] = index
-            running.add(again)
+            running.add(submit(index))
         return True
     finally:
-        if indices:  # nobody wants them any more
+        if indices:  # nobody wants them any more: let them stop what they started
             stop.set()
+            with contextlib.suppress(TimeoutError):
+                wait(list(indices), timeout=STOP_TIMEOUT_S)
             client.cancel(list(indices))
 
 
