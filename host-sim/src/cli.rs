@@ -24,6 +24,7 @@ use crate::table::OrderError;
 use cdpr_core::TableFault;
 
 mod forward;
+mod import;
 mod simulate;
 mod table;
 mod workspace;
@@ -58,6 +59,8 @@ enum Command {
     Enumerate(Enumerate),
     /// Follow all solutions of a pose over a range of one parameter, through folds
     Branches(Branches),
+    /// Make a robot file from files of CASPR or WireX
+    Import(Box<import::Import>),
     /// Warm-start tables for the controller: build, merge, inspect, verify
     #[command(subcommand)]
     Table(table::TableCommand),
@@ -240,6 +243,9 @@ pub enum CliError {
         "--firmware: it is built for another {0}; --mass, --max-length, --max-tension and the robot file must say what it knows"
     )]
     AnotherFirmware(&'static str),
+    /// A robot is not imported.
+    #[error(transparent)]
+    Import(#[from] crate::import::ImportError),
     /// There is no place to rest.
     #[error(transparent)]
     Forward(#[from] crate::forward::ForwardError),
@@ -258,7 +264,7 @@ pub enum CliError {
 }
 
 impl CliError {
-    /// Exit code: 2 for bad input, 1 for anything else.
+    /// Exit code: 2 for bad input, 1 for anything else; two that scripts wait for or expect, as they know them.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -270,6 +276,7 @@ impl CliError {
             | Self::NotTracked(_)
             | Self::Forward(_) => 1,
             Self::Interrupted => 130, // as a shell says it
+            Self::Journal(JournalError::Busy { .. }) => 75, // EX_TEMPFAIL: the same may work later
             _ => 2,
         }
     }
@@ -284,6 +291,7 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
     match cli.command {
         Some(Command::Enumerate(options)) => options.run(out),
         Some(Command::Branches(options)) => options.run(out),
+        Some(Command::Import(options)) => options.run(out),
         Some(Command::Table(command)) => command.run(out),
         Some(Command::Workspace(options)) => options.run(out),
         Some(Command::Forward(options)) => options.run(out),

@@ -7,7 +7,7 @@
 //! non-deformable cables) → [`continuation`] (from there to the deformable ones, and back), and beside
 //! it [`complete`] (all of them, with a proof) → [`enumerate`] (the answer for one pose) → [`branches`]
 //! (over a range of a parameter) → [`output`] (as text, JSON or a picture). The proofs are computed in
-//! [`interval`] arithmetic, those of paths in [`dual`] intervals. [`cases`] reads many poses from a file,
+//! [`interval`] arithmetic, those of paths in [`dual`] intervals. [`import`] makes robot files from those of other programs, [`cases`] reads many poses from a file,
 //! [`in_order`] asks for them on all cores, [`cli`] is the command line.
 
 pub mod branches;
@@ -19,6 +19,7 @@ pub mod continuation;
 pub mod dual;
 pub mod enumerate;
 pub mod forward;
+pub mod import;
 pub mod in_order;
 pub mod input_file;
 pub mod interval;

@@ -86,6 +86,11 @@ impl RobotDescription {
     /// [`InputFileError::Content`].
     pub fn parse(text: &str, path: &str) -> Result<Self, InputFileError> {
         let source = Source { text, path };
+        if text.trim_start().starts_with('<') {
+            let message =
+                "this is XML; `cdpr import` makes a robot file of what CASPR and WireX write";
+            return Err(source.refuse(0..0, "TOML", message));
+        }
         let document: Document = source.deserialize()?;
         document.check(&source)
     }
