@@ -27,6 +27,7 @@ pub mod output;
 pub mod problem;
 pub mod rigid;
 pub mod robot_file;
+pub mod shape;
 pub mod simulate;
 pub mod table;
 mod toml_file;
