@@ -8,6 +8,7 @@
 //! it [`complete`] (all of them, with a proof) → [`enumerate`] (the answer for one pose) → [`branches`]
 //! (over a range of a parameter) → [`output`] (as text, JSON or a picture). The proofs are computed in
 //! [`interval`] arithmetic, those of paths in [`dual`] intervals. [`cases`] reads many poses from a file,
+//! [`shape`] knows the shape of each cable, which [`report`] shows on a page for a browser.
 //! [`in_order`] asks for them on all cores, [`cli`] is the command line.
 
 pub mod branches;
@@ -25,6 +26,7 @@ pub mod interval;
 pub mod journal;
 pub mod output;
 pub mod problem;
+pub mod report;
 pub mod rigid;
 pub mod robot_file;
 pub mod shape;

@@ -1,0 +1,654 @@
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const $ = (id) => document.getElementById(id);
+  document.body.classList.add("scripted");
+
+  /* Theme: what the system says, until the button is pressed. */
+  const root = document.documentElement;
+  const darkSystem = matchMedia("(prefers-color-scheme: dark)");
+  let chosenTheme = null;
+  try { chosenTheme = localStorage.getItem("cdpr-theme"); } catch { /* not kept, then */ }
+  const redraws = [];
+  function applyTheme() {
+    const dark = chosenTheme ? chosenTheme === "dark" : darkSystem.matches;
+    root.dataset.theme = dark ? "dark" : "light";
+    $("theme").textContent = dark ? "Light" : "Dark";
+    $("theme").setAttribute("aria-label", dark ? "Change to light colours" : "Change to dark colours");
+    for (const redraw of redraws) redraw();
+  }
+  $("theme").hidden = false;
+  $("theme").addEventListener("click", () => {
+    chosenTheme = root.dataset.theme === "dark" ? "light" : "dark";
+    try { localStorage.setItem("cdpr-theme", chosenTheme); } catch { /* not kept, then */ }
+    applyTheme();
+  });
+  darkSystem.addEventListener("change", applyTheme);
+  const color = (name) => getComputedStyle(root).getPropertyValue("--" + name).trim();
+  const cableColor = (i) => color("c" + (i % 6 + 1));
+
+  /** Makes the canvas as fine as the screen; its size in CSS px. */
+  function prepare(canvas) {
+    const { clientWidth: width, clientHeight: height } = canvas;
+    const fine = window.devicePixelRatio || 1;
+    canvas.width = Math.max(1, Math.round(width * fine));
+    canvas.height = Math.max(1, Math.round(height * fine));
+    const pen = canvas.getContext("2d");
+    pen.setTransform(fine, 0, 0, fine, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    return { pen, width, height };
+  }
+
+  function digits(value, count = 6) {
+    if (value === 0) return "0";
+    const size = Math.abs(value);
+    if (size >= 1e7 || size < 1e-5) return value.toExponential(count - 1).replace("-", "\u2212");
+    return String(Number(value.toPrecision(count))).replace("-", "\u2212");
+  }
+
+  /** Steps of a grid: 1, 2 or 5 times a power of ten, about `size`. */
+  function roundStep(size) {
+    const unit = 10 ** Math.floor(Math.log10(size));
+    return [1, 2, 5, 10].find((k) => k * unit >= size * 0.999) * unit;
+  }
+
+  /* ---- The robot ---- */
+
+  const add = (a, b, k = 1) => [a[0] + k * b[0], a[1] + k * b[1], a[2] + k * b[2]];
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+  const solid = [...data.anchors, ...data.attachments, data.position];
+  const ground = Math.min(0, ...solid.map((p) => p[2]));
+  const fixed = [...solid, ...data.anchors.map(([x, y]) => [x, y, ground])];
+
+  function box(points) {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    for (const p of points) {
+      for (let k = 0; k < 3; k++) {
+        low[k] = Math.min(low[k], p[k]);
+        high[k] = Math.max(high[k], p[k]);
+      }
+    }
+    return { low, high };
+  }
+  const triples = (flat) => Array.from({ length: flat.length / 3 }, (_, k) => flat.slice(3 * k, 3 * k + 3));
+  const solutions = data.solutions.map((solution) =>
+    solution.cables.map((cable) => ({ ...cable, points: triples(cable.points) })));
+
+  const picture = $("picture");
+  const FIELD = 0.55; // half the angle of view, rad
+  const LEVEL = 0.42; // usual height of the eye, rad
+  const view = { turn: 0, tilt: LEVEL, distance: 1, target: [0, 0, 0] };
+  let chosen = solutions.length ? 0 : null; // index, "all", or null: no solution
+
+  const shownSolutions = () =>
+    chosen === "all" ? solutions.map((_, k) => k) : chosen === null ? [] : [chosen];
+
+  function axes() {
+    const [c, s] = [Math.cos(view.turn), Math.sin(view.turn)];
+    const [ct, st] = [Math.cos(view.tilt), Math.sin(view.tilt)];
+    const ahead = [s * ct, c * ct, -st];
+    return { right: [c, -s, 0], ahead, up: [s * st, c * st, ct], eye: add(view.target, ahead, -view.distance) };
+  }
+
+  /** Looks at `points` from the present side so that they just fit. */
+  function fit(points) {
+    const { low, high } = box(points);
+    view.target = low.map((l, k) => (l + high[k]) / 2);
+    const { right, up, ahead } = axes();
+    const aspect = picture.clientWidth / Math.max(1, picture.clientHeight);
+    const [across, upright] = [Math.tan(FIELD) * Math.min(1, aspect), Math.tan(FIELD) * Math.min(1, 1 / aspect)];
+    const room = 0.86;
+    let distance = 1e-3;
+    for (let pass = 0; pass < 4; pass++) {
+      // Centre what is seen, then step back as far as the outermost point wants.
+      let sides = [Infinity, -Infinity, Infinity, -Infinity];
+      distance = 1e-3;
+      for (const p of points) {
+        const d = add(p, view.target, -1);
+        const [x, y, z] = [dot(d, right), dot(d, up), dot(d, ahead)];
+        sides = [Math.min(sides[0], x), Math.max(sides[1], x), Math.min(sides[2], y), Math.max(sides[3], y)];
+        distance = Math.max(distance, Math.abs(x) / (across * room) - z, Math.abs(y) / (upright * room) - z);
+      }
+      if (pass === 3) break;
+      view.target = add(add(view.target, right, (sides[0] + sides[1]) / 2), up, (sides[2] + sides[3]) / 2);
+    }
+    view.distance = distance;
+  }
+
+  function reset() {
+    // From the side on which the robot looks widest, a little to the corner.
+    const { low, high } = box(solid);
+    view.turn = high[0] - low[0] >= high[1] - low[1] ? -0.55 : 1.05;
+    view.tilt = LEVEL;
+    fit(fixed);
+  }
+
+  /** The smallest convex polygon around points of the picture. */
+  function hull(points) {
+    const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    const half = (list) => list.reduce((path, p) => {
+      while (path.length > 1) {
+        const [a, b] = path.slice(-2);
+        if ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
+        path.pop();
+      }
+      return [...path, p];
+    }, []);
+    return [...half(sorted).slice(0, -1), ...half(sorted.reverse()).slice(0, -1)];
+  }
+
+  function drawRobot() {
+    const { pen, width, height } = prepare(picture);
+    const { right, up, ahead, eye } = axes();
+    const scale = Math.min(width, height) / 2 / Math.tan(FIELD);
+    const near = view.distance * 1e-3;
+    const see = (p) => {
+      const d = add(p, eye, -1);
+      return [dot(d, right), dot(d, up), dot(d, ahead)];
+    };
+    const place = ([x, y, z]) => [width / 2 + (scale * x) / z, height / 2 - (scale * y) / z];
+    /* Lines in space, cut where they pass the eye. */
+    const trace = (points) => {
+      pen.beginPath();
+      let before = null;
+      for (const p of points) {
+        const here = see(p);
+        if (before) {
+          let [a, b] = [before, here];
+          if (a[2] > near || b[2] > near) {
+            const cut = (inside, outside) => {
+              const t = (inside[2] - near) / (inside[2] - outside[2]);
+              return inside.map((c, k) => c + t * (outside[k] - c));
+            };
+            if (a[2] < near) a = cut(b, a);
+            if (b[2] < near) b = cut(a, b);
+            if (before[2] < near || !before.drawn) pen.moveTo(...place(a));
+            pen.lineTo(...place(b));
+            here.drawn = here[2] >= near;
+          }
+        }
+        before = here;
+      }
+      pen.stroke();
+    };
+
+    /* The ground. */
+    const { low, high } = box(fixed);
+    const step = roundStep(Math.max(high[0] - low[0], high[1] - low[1], 1e-6) / 12);
+    const from = [0, 1].map((k) => Math.floor(low[k] / step - 0.5) * step);
+    const cells = [0, 1].map((k) => Math.ceil((high[k] + 0.5 * step - from[k]) / step));
+    const till = [0, 1].map((k) => from[k] + cells[k] * step);
+    pen.lineWidth = 1;
+    pen.strokeStyle = color("earth");
+    for (let k = 0; k <= cells[0]; k++) trace([[from[0] + k * step, from[1], ground], [from[0] + k * step, till[1], ground]]);
+    for (let k = 0; k <= cells[1]; k++) trace([[from[0], from[1] + k * step, ground], [till[0], from[1] + k * step, ground]]);
+
+    /* Masts, and where the platform is above the ground. */
+    pen.strokeStyle = color("mast");
+    pen.lineWidth = 1.5;
+    for (const anchor of data.anchors) trace([[anchor[0], anchor[1], ground], anchor]);
+    pen.setLineDash([2, 4]);
+    pen.lineWidth = 1;
+    trace([data.position, [data.position[0], data.position[1], ground]]);
+
+    /* Cables, the farthest first; below the ground thin. */
+    const strands = shownSolutions().flatMap((k) => solutions[k].map((cable, i) => {
+      const middle = cable.points[Math.floor(cable.points.length / 2)];
+      return { cable, stroke: chosen === "all" ? cableColor(k) : cableColor(i), depth: see(middle)[2] };
+    }));
+    strands.sort((a, b) => b.depth - a.depth);
+    pen.lineJoin = "round";
+    for (const { cable, stroke } of strands) {
+      pen.strokeStyle = stroke;
+      let piece = [];
+      const flush = (below) => {
+        pen.lineWidth = below ? 1 : 2.4;
+        pen.setLineDash(cable.slack ? [8, 5] : []);
+        trace(piece);
+      };
+      for (const p of cable.points) {
+        const last = piece[piece.length - 1];
+        if (last && (p[2] < ground) !== (last[2] < ground)) {
+          const t = (last[2] - ground) / (last[2] - p[2]);
+          const border = add(last, add(p, last, -1), t);
+          piece.push(border);
+          flush(last[2] < ground);
+          piece = [border];
+        }
+        piece.push(p);
+      }
+      if (piece.length > 1) flush(piece[piece.length - 1][2] < ground);
+    }
+    pen.setLineDash([]);
+
+    /* The platform: what its points enclose, as seen from here. */
+    const points = data.attachments.map(see);
+    if (points.every((p) => p[2] > near)) {
+      const around = hull(points.map(place));
+      pen.beginPath();
+      for (const p of around) pen.lineTo(...p);
+      pen.closePath();
+      pen.strokeStyle = color("body");
+      pen.fillStyle = color("body");
+      pen.lineWidth = 1.5;
+      pen.globalAlpha = 0.3;
+      pen.fill();
+      pen.globalAlpha = 1;
+      pen.stroke();
+    }
+
+    /* Names. What shares a place shares a label; labels at the platform go outwards from it. */
+    const middle = place(see(data.position));
+    pen.font = "600 13px system-ui, sans-serif";
+    pen.textBaseline = "middle";
+    pen.lineJoin = "round";
+    const label = (text, [x, y], direction) => {
+      const size = Math.hypot(...direction) || 1;
+      const [dx, dy] = [direction[0] / size, direction[1] / size];
+      pen.textAlign = dx > 0.4 ? "left" : dx < -0.4 ? "right" : "center";
+      const at = [x + 9 * dx, y + 13 * dy];
+      pen.strokeStyle = color("ground");
+      pen.lineWidth = 4;
+      pen.strokeText(text, ...at);
+      pen.fillStyle = color("ink");
+      pen.fillText(text, ...at);
+    };
+    const groups = (points) => {
+      const found = new Map();
+      points.forEach((p, i) => {
+        const name = p.join();
+        found.set(name, { p, numbers: [...(found.get(name)?.numbers ?? []), i + 1] });
+      });
+      return [...found.values()];
+    };
+    for (const [letter, list] of [["B", data.attachments], ["A", data.anchors]]) {
+      for (const { p, numbers } of groups(list)) {
+        const seen = see(p);
+        if (seen[2] <= near) continue;
+        const at = place(seen);
+        pen.beginPath();
+        pen.arc(...at, letter === "A" ? 4 : 2.5, 0, 2 * Math.PI);
+        pen.fillStyle = color("ink");
+        pen.fill();
+        const outwards = [at[0] - middle[0], at[1] - middle[1]];
+        // Where all is small, labels would only cover each other.
+        if (letter === "A" || Math.hypot(...outwards) > 7) {
+          label(numbers.map((n) => letter + n).join(", "), at, letter === "A" ? [outwards[0] / 9, -30] : outwards);
+        }
+      }
+    }
+    pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "left";
+    pen.fillStyle = color("grey");
+    pen.fillText(`grid ${digits(step)} m`, 10, height - 12);
+  }
+  redraws.push(drawRobot, describe);
+
+  /** A short line as in the picture. */
+  function sample(stroke, slack) {
+    const space = "http://www.w3.org/2000/svg";
+    const svg = document.createElementNS(space, "svg");
+    const line = document.createElementNS(space, "line");
+    for (const [name, value] of Object.entries({ width: 34, height: 8, "aria-hidden": "true" })) svg.setAttribute(name, value);
+    const look = { x1: 0, x2: 34, y1: 4, y2: 4, stroke, "stroke-width": 3, "stroke-dasharray": slack ? "8 5" : "none" };
+    for (const [name, value] of Object.entries(look)) line.setAttribute(name, value);
+    svg.append(line);
+    return svg;
+  }
+
+  /** The key below the picture, in words what is shown, and which tables are. */
+  function describe() {
+    const item = (stroke, slack, text) => {
+      const li = document.createElement("li");
+      li.append(sample(stroke, slack), text);
+      return li;
+    };
+    const largest = (cables, of) => cables.reduce((best, cable, i) => (of(cable) > of(cables[best]) ? i : best), 0);
+    if (chosen === null) {
+      $("shown").textContent = "No solution: the robot without its cables.";
+    } else if (chosen === "all") {
+      $("key").replaceChildren(...solutions.map((_, k) => item(cableColor(k), false, `solution ${k + 1}`)),
+        item(color("grey"), true, "slack"));
+      $("shown").textContent = `All ${solutions.length} solutions over each other.`;
+    } else {
+      const cables = solutions[chosen];
+      $("key").replaceChildren(...cables.map((cable, i) =>
+        item(cableColor(i), cable.slack, `${i + 1}: ${cable.length.toFixed(3)} m${cable.slack ? ", slack" : ""}`)));
+      const [long, tense] = [largest(cables, (c) => c.length), largest(cables, (c) => c.tension)];
+      const slack = cables.flatMap((cable, i) => (cable.slack ? [i + 1] : []));
+      $("shown").textContent = `Solution ${chosen + 1} of ${solutions.length}: longest is cable ${long + 1}, ` +
+        `${cables[long].length.toFixed(3)} m; highest tension ${digits(cables[tense].tension, 4)} N in cable ${tense + 1}; ` +
+        (slack.length ? `slack: ${slack.join(", ")}.` : "none is slack.");
+    }
+    for (const table of document.querySelectorAll(".solution")) {
+      table.classList.toggle("chosen", chosen === "all" || Number(table.dataset.solution) === chosen + 1);
+    }
+  }
+
+  for (const radio of document.querySelectorAll("input[name=solution]")) {
+    radio.addEventListener("change", () => {
+      chosen = radio.value === "all" ? "all" : Number(radio.value) - 1;
+      describe();
+      drawRobot();
+    });
+    if (radio.checked && radio.value !== "1") { // kept by the browser over a reload
+      chosen = radio.value === "all" ? "all" : Number(radio.value) - 1;
+    }
+  }
+
+  const turnBy = (turn, tilt) => {
+    view.turn += turn;
+    view.tilt = Math.max(-1.57, Math.min(1.57, view.tilt + tilt));
+  };
+  const zoomBy = (ratio) => { view.distance *= ratio; };
+  const moveBy = (x, y) => {
+    const { right, up } = axes();
+    const perPx = (2 * view.distance * Math.tan(FIELD)) / Math.min(picture.clientWidth, picture.clientHeight);
+    view.target = add(add(view.target, right, -x * perPx), up, y * perPx);
+  };
+  const actions = {
+    left: () => turnBy(0.15, 0), right: () => turnBy(-0.15, 0),
+    up: () => turnBy(0, 0.1), down: () => turnBy(0, -0.1),
+    in: () => zoomBy(1 / 1.25), out: () => zoomBy(1.25),
+    top: () => { view.turn = 0; view.tilt = Math.PI / 2; fit(fixed); },
+    side: () => { view.tilt = 0; fit(fixed); },
+    reset,
+    all: () => fit([...fixed, ...shownSolutions().flatMap((k) => solutions[k].flatMap((cable) => cable.points))]),
+  };
+  for (const button of document.querySelectorAll("[data-view]")) {
+    button.addEventListener("click", () => { actions[button.dataset.view](); drawRobot(); });
+  }
+  picture.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const moves = { ArrowLeft: [30, 0], ArrowRight: [-30, 0], ArrowUp: [0, 30], ArrowDown: [0, -30] };
+    const names = {
+      ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
+      "+": "in", "=": "in", "-": "out", 0: "reset", Home: "reset", f: "all", F: "all",
+    };
+    if (event.shiftKey && moves[event.key]) moveBy(...moves[event.key]);
+    else if (names[event.key]) actions[names[event.key]]();
+    else return;
+    event.preventDefault();
+    drawRobot();
+  });
+  picture.addEventListener("wheel", (event) => {
+    // Otherwise the page scrolls, as it should.
+    if (document.activeElement !== picture && !event.ctrlKey) return;
+    event.preventDefault();
+    zoomBy(Math.exp(Math.max(-0.5, Math.min(0.5, event.deltaY * 0.0015))));
+    drawRobot();
+  }, { passive: false });
+  const fingers = new Map();
+  picture.addEventListener("pointerdown", (event) => {
+    picture.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  });
+  picture.addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    if (!before) return;
+    const apart = () => {
+      const [a, b] = [...fingers.values()];
+      return Math.hypot(a[0] - b[0], a[1] - b[1]);
+    };
+    const now = [event.clientX, event.clientY];
+    const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
+    if (fingers.size === 2) {
+      const was = apart();
+      fingers.set(event.pointerId, now);
+      zoomBy(Math.max(0.5, Math.min(2, was / Math.max(1, apart()))));
+    } else {
+      fingers.set(event.pointerId, now);
+      if (event.shiftKey || event.buttons & 6) moveBy(dx, dy);
+      else turnBy(dx * 0.008, dy * 0.008);
+    }
+    drawRobot();
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    picture.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  }
+
+  /* ---- The workspace ---- */
+
+  /* matplotlib's viridis at every twentieth. */
+  const VIRIDIS = ("440154 481467 482576 463480 414487 3b528b 355f8d 2f6c8e 2a788e 25848e 21918c " +
+    "1e9c89 22a884 2fb47c 44bf70 5ec962 7ad151 9bd93c bddf26 dfe318 fde725").split(" ")
+    .map((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16)));
+  function viridis(share) {
+    const at = Math.max(0, Math.min(1, share)) * (VIRIDIS.length - 1);
+    const k = Math.min(VIRIDIS.length - 2, Math.floor(at));
+    const mix = VIRIDIS[k].map((c, i) => Math.round(c + (at - k) * (VIRIDIS[k + 1][i] - c)));
+    return `rgb(${mix.join()})`;
+  }
+  /* Words differ by colour and by a letter. */
+  const WORDS = ["#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2"];
+
+  function workspace({ axes: grid, quantities }) {
+    const canvas = $("slices");
+    const [nx, ny] = grid.map((axis) => axis.length);
+    const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+    const fields = quantities.map(({ key, name, unit, kind, data: encoded }) => {
+      const isNumber = kind === "number";
+      const raw = kind === "name" ? encoded.bytes : encoded;
+      const values = isNumber ? new Float32Array(bytes(raw)) : new Int8Array(bytes(raw));
+      const has = (k) => (isNumber ? !Number.isNaN(values[k]) : values[k] !== -128);
+      let [low, high] = [Infinity, -Infinity];
+      values.forEach((v, k) => {
+        if (has(k) && Number.isFinite(v)) [low, high] = [Math.min(low, v), Math.max(high, v)];
+      });
+      const isLog = isNumber && low > 0 && high / low > 30;
+      const share = (v) => (high > low ? (isLog ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low)) : 0.5);
+      const names = kind === "name" ? encoded.names : null;
+      const paint = (v) => (names ? WORDS[v % WORDS.length] : viridis(share(v)));
+      const none = key === "change" ? "none" : "no value";
+      const text = (k) => {
+        if (!has(k)) return none;
+        return names ? names[values[k]] : digits(values[k]) + (unit ? " " + unit : "");
+      };
+      return { key, name, unit, values, has, low, high, isLog, names, paint, none, text };
+    });
+    let [field, axis, cursor] = [fields[0], 2, [0, 0, 0]];
+    const nearest = (list, value) => list.reduce((best, v, k) => (Math.abs(v - value) < Math.abs(list[best] - value) ? k : best), 0);
+    cursor = grid.map((list, k) => nearest(list, data.position[k]));
+    const index = ([x, y, z]) => (z * ny + y) * nx + x;
+    const flat = () => [0, 1, 2].filter((k) => k !== axis); // across and upwards
+    const NAMES = ["x", "y", "z"];
+    const stepOf = (k) => (grid[k].length > 1 ? (grid[k][grid[k].length - 1] - grid[k][0]) / (grid[k].length - 1) : 1);
+
+    for (const [k, { name }] of fields.entries()) $("quantity").add(new Option(name, k));
+
+    /** Where the slice is on the canvas: its corner, and the size of a cell. */
+    let frame = null;
+    function layout() {
+      const [h, v] = flat();
+      const width = canvas.parentElement.clientWidth - 2;
+      const [cols, rowsUp] = [grid[h].length, grid[v].length];
+      const [left, below, margin] = [58, 44, 12];
+      const room = [width - left - margin, Math.min(460, Math.max(240, width * 0.8))];
+      const [sx, sy] = [Math.abs(stepOf(h)), Math.abs(stepOf(v))];
+      const perM = Math.min(room[0] / (cols * sx), room[1] / (rowsUp * sy));
+      const cell = [perM * sx, perM * sy];
+      canvas.style.height = `${Math.round(cell[1] * rowsUp + below + margin)}px`;
+      frame = { left, top: margin, cell, cols, rowsUp };
+    }
+
+    function draw() {
+      layout();
+      const { pen } = prepare(canvas);
+      const [h, v] = flat();
+      const { left, top, cell, cols, rowsUp } = frame;
+      const corner = (i, j) => [left + i * cell[0], top + (rowsUp - 1 - j) * cell[1]];
+      pen.font = `700 ${Math.min(14, cell[1] * 0.7)}px sans-serif`;
+      pen.textAlign = "center";
+      pen.textBaseline = "middle";
+      for (let i = 0; i < cols; i++) {
+        for (let j = 0; j < rowsUp; j++) {
+          const at = [...cursor];
+          [at[h], at[v]] = [i, j];
+          const k = index(at);
+          const [x, y] = corner(i, j);
+          if (field.has(k)) {
+            pen.fillStyle = field.paint(field.values[k]);
+            pen.fillRect(x, y, cell[0] + 0.5, cell[1] + 0.5);
+            if (field.names && Math.min(...cell) > 9) {
+              pen.fillStyle = "#000";
+              pen.fillText(field.names[field.values[k]][0], x + cell[0] / 2, y + cell[1] / 2);
+            }
+          } else { // no value: struck through
+            pen.strokeStyle = color("line");
+            pen.lineWidth = 1;
+            pen.beginPath();
+            pen.moveTo(x, y + cell[1]);
+            pen.lineTo(x + cell[0], y);
+            pen.stroke();
+          }
+        }
+      }
+      pen.strokeStyle = color("edge");
+      pen.lineWidth = 1;
+      pen.strokeRect(left, top, cols * cell[0], rowsUp * cell[1]);
+
+      /* Axes. */
+      pen.fillStyle = color("ink");
+      pen.font = "12px system-ui, sans-serif";
+      const ticks = (k, size, put) => {
+        const list = grid[k], length = list.length * size;
+        const span = Math.abs(list[list.length - 1] - list[0]);
+        if (!span) { put(0, list[0]); return; }
+        const step = roundStep((span * 52) / length);
+        for (let t = Math.ceil(list[0] / step - 1e-9); t * step <= list[list.length - 1] + 1e-9 * span; t++) {
+          put((t * step - list[0]) / stepOf(k), t * step);
+        }
+      };
+      const bottom = top + rowsUp * cell[1];
+      ticks(h, cell[0], (i, value) => {
+        const x = left + (i + 0.5) * cell[0];
+        pen.fillRect(x - 0.5, bottom, 1, 4);
+        pen.textAlign = "center";
+        pen.fillText(digits(value, 4), x, bottom + 13);
+      });
+      ticks(v, cell[1], (j, value) => {
+        const y = top + (rowsUp - 0.5 - j) * cell[1];
+        pen.fillRect(left - 4, y - 0.5, 4, 1);
+        pen.textAlign = "right";
+        pen.fillText(digits(value, 4), left - 7, y);
+      });
+      pen.textAlign = "center";
+      pen.font = "600 12px system-ui, sans-serif";
+      pen.fillText(`${NAMES[h]} (m)`, left + (cols * cell[0]) / 2, bottom + 31);
+      pen.save();
+      pen.translate(12, top + (rowsUp * cell[1]) / 2);
+      pen.rotate(-Math.PI / 2);
+      pen.fillText(`${NAMES[v]} (m)`, 0, 0);
+      pen.restore();
+
+      /* The pose of the report, if it is over the grid. */
+      const at = (k) => (data.position[k] - grid[k][0]) / stepOf(k);
+      const x = left + (at(h) + 0.5) * cell[0], y = top + (rowsUp - 0.5 - at(v)) * cell[1];
+      if (x >= left && x <= left + cols * cell[0] && y >= top && y <= bottom) {
+        const inSlice = Math.abs(at(axis) - cursor[axis]) <= 0.5;
+        for (const [stroke, thick] of [["#fff", 5], ["#000", 2]]) {
+          pen.strokeStyle = stroke;
+          pen.lineWidth = thick;
+          pen.setLineDash(inSlice ? [] : [3, 3]);
+          pen.beginPath();
+          pen.moveTo(x - 9, y); pen.lineTo(x + 9, y);
+          pen.moveTo(x, y - 9); pen.lineTo(x, y + 9);
+          pen.stroke();
+        }
+        pen.setLineDash([]);
+      }
+
+      /* The cursor. */
+      const [cx, cy] = corner(cursor[h], cursor[v]);
+      for (const [stroke, thick] of [["#fff", 4], ["#000", 2]]) {
+        pen.strokeStyle = stroke;
+        pen.lineWidth = thick;
+        pen.strokeRect(cx, cy, cell[0], cell[1]);
+      }
+    }
+
+    function legend() {
+      const box = (paint, text, letter = "") => {
+        const entry = document.createElement("span"), square = document.createElement("span");
+        square.className = "box";
+        if (paint) Object.assign(square.style, { background: paint, color: "#000" });
+        else square.style.background = `linear-gradient(135deg, transparent 46%, ${color("edge")} 46% 54%, transparent 54%)`;
+        square.textContent = letter;
+        entry.append(square, text);
+        return entry;
+      };
+      const entries = [];
+      if (field.names) {
+        field.names.forEach((name, k) => entries.push(box(field.paint(k), name, name[0])));
+      } else if (field.low <= field.high && Number.isInteger(field.low) && field.high - field.low <= 12 && !(field.values instanceof Float32Array)) {
+        for (let v = field.low; v <= field.high; v++) entries.push(box(field.paint(v), digits(v)));
+      } else if (field.low <= field.high) {
+        const ramp = document.createElement("span");
+        ramp.className = "ramp";
+        ramp.style.background = `linear-gradient(to right, ${Array.from({ length: 21 }, (_, k) => viridis(k / 20)).join()})`;
+        const unit = field.unit ? " " + field.unit : "";
+        entries.push(digits(field.low, 4) + unit, ramp, digits(field.high, 4) + unit + (field.isLog ? " (logarithmic)" : ""));
+      }
+      const isPartial = field.values.some((_, k) => !field.has(k));
+      if (isPartial) entries.push(box(null, field.none));
+      const title = document.createElement("strong");
+      title.textContent = field.name;
+      $("legend").replaceChildren(title, ...entries);
+    }
+
+    function read() {
+      const place = grid.map((list, k) => `${NAMES[k]} ${digits(list[cursor[k]])}`).join(", ");
+      const k = index(cursor);
+      $("readout").textContent = `${place} m: ` + fields.map(({ name, text }) => `${name} ${text(k)}`).join("; ") + ".";
+    }
+
+    function setSlice() {
+      const slider = $("slice");
+      slider.max = grid[axis].length - 1;
+      slider.value = cursor[axis];
+      const at = `${NAMES[axis]} = ${digits(grid[axis][cursor[axis]])} m`;
+      $("slice-name").textContent = `at ${at}`;
+      slider.setAttribute("aria-label", `Slice across ${NAMES[axis]}`);
+      slider.setAttribute("aria-valuetext", at);
+    }
+    const update = () => { setSlice(); draw(); read(); };
+
+    $("quantity").addEventListener("change", (event) => { field = fields[event.target.value]; legend(); draw(); });
+    $("axis").addEventListener("change", (event) => { axis = Number(event.target.value); update(); });
+    $("slice").addEventListener("input", (event) => { cursor[axis] = Number(event.target.value); update(); });
+    const clamp = (k, value) => Math.max(0, Math.min(grid[k].length - 1, value));
+    canvas.addEventListener("pointermove", (event) => {
+      const edge = canvas.getBoundingClientRect();
+      const [h, v] = flat();
+      const i = Math.floor((event.clientX - edge.left - canvas.clientLeft - frame.left) / frame.cell[0]);
+      const j = frame.rowsUp - 1 - Math.floor((event.clientY - edge.top - canvas.clientTop - frame.top) / frame.cell[1]);
+      if (clamp(h, i) !== i || clamp(v, j) !== j) return;
+      if (cursor[h] === i && cursor[v] === j) return;
+      [cursor[h], cursor[v]] = [i, j];
+      draw();
+      read();
+    });
+    canvas.addEventListener("keydown", (event) => {
+      const [h, v] = flat();
+      const moves = {
+        ArrowLeft: [h, -1], ArrowRight: [h, 1], ArrowUp: [v, 1], ArrowDown: [v, -1], PageUp: [axis, 1], PageDown: [axis, -1],
+      };
+      const move = moves[event.key];
+      if (!move || event.ctrlKey || event.altKey || event.metaKey) return;
+      event.preventDefault();
+      cursor[move[0]] = clamp(move[0], cursor[move[0]] + move[1]);
+      update();
+    });
+    redraws.push(draw, legend);
+    update();
+    legend();
+  }
+
+  applyTheme();
+  reset();
+  describe();
+  drawRobot();
+  if (data.workspace) workspace(data.workspace);
+  new ResizeObserver(() => { for (const redraw of redraws) redraw(); }).observe(document.querySelector("main"));
+})();
