@@ -223,10 +223,14 @@ fn workspace_section(workspace: &Workspace) -> Markup {
                 }
                 label.wide { span #slice-name { "at" } input #slice type="range" min="0" value="0" step="1"; }
             }
-            canvas #slices.needs-script tabindex="0" role="application" aria-label="Slice of the workspace"
-                aria-describedby="slices-help" {}
-            div #legend.legend.needs-script {}
-            p #readout.readout.needs-script aria-live="polite" {}
+            div.slices.needs-script {
+                canvas #slices tabindex="0" role="application" aria-label="Slice of the workspace"
+                    aria-describedby="slices-help" {}
+                div {
+                    div #legend.legend {}
+                    dl #readout.readout aria-live="polite" aria-label="At the cursor" {}
+                }
+            }
             p #slices-help.note.needs-script {
                 "Point at a pose, or move with the arrow keys while the slice is in focus; Page Up and \
                  Page Down change the slice. The cross is the pose of this report, dashed where it is in another slice."

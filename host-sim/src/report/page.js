@@ -59,7 +59,6 @@
 
   const solid = [...data.anchors, ...data.attachments, data.position];
   const ground = Math.min(0, ...solid.map((p) => p[2]));
-  const fixed = [...solid, ...data.anchors.map(([x, y]) => [x, y, ground])];
 
   function box(points) {
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -71,6 +70,16 @@
     }
     return { low, high };
   }
+
+  /* The grid on the ground. */
+  const extent = box(solid);
+  const step = roundStep(Math.max(extent.high[0] - extent.low[0], extent.high[1] - extent.low[1], 1e-6) / 12);
+  const from = [0, 1].map((k) => Math.floor(extent.low[k] / step - 0.5) * step);
+  const cells = [0, 1].map((k) => Math.ceil((extent.high[k] + 0.5 * step - from[k]) / step));
+  const till = [0, 1].map((k) => from[k] + cells[k] * step);
+  /* What the usual view shows: cables may leave it. */
+  const fixed = [...solid, ...[from[0], till[0]].flatMap((x) => [from[1], till[1]].map((y) => [x, y, ground]))];
+
   const triples = (flat) => Array.from({ length: flat.length / 3 }, (_, k) => flat.slice(3 * k, 3 * k + 3));
   const solutions = data.solutions.map((solution) =>
     solution.cables.map((cable) => ({ ...cable, points: triples(cable.points) })));
@@ -97,28 +106,31 @@
     view.target = low.map((l, k) => (l + high[k]) / 2);
     const { right, up, ahead } = axes();
     const aspect = picture.clientWidth / Math.max(1, picture.clientHeight);
-    const [across, upright] = [Math.tan(FIELD) * Math.min(1, aspect), Math.tan(FIELD) * Math.min(1, 1 / aspect)];
+    const [across, upright] = [Math.tan(FIELD) * Math.max(1, aspect), Math.tan(FIELD) * Math.max(1, 1 / aspect)];
     const room = 0.86;
-    let distance = 1e-3;
-    for (let pass = 0; pass < 4; pass++) {
-      // Centre what is seen, then step back as far as the outermost point wants.
-      let sides = [Infinity, -Infinity, Infinity, -Infinity];
-      distance = 1e-3;
-      for (const p of points) {
+    const size = Math.hypot(...low.map((l, k) => high[k] - l)) || 1;
+    let distance = 2 * size;
+    for (let pass = 0; pass < 8; pass++) {
+      // Centre what is seen, then step to where the outermost point wants it.
+      const seen = points.map((p) => {
         const d = add(p, view.target, -1);
-        const [x, y, z] = [dot(d, right), dot(d, up), dot(d, ahead)];
-        sides = [Math.min(sides[0], x), Math.max(sides[1], x), Math.min(sides[2], y), Math.max(sides[3], y)];
-        distance = Math.max(distance, Math.abs(x) / (across * room) - z, Math.abs(y) / (upright * room) - z);
-      }
-      if (pass === 3) break;
-      view.target = add(add(view.target, right, (sides[0] + sides[1]) / 2), up, (sides[2] + sides[3]) / 2);
+        return [dot(d, right), dot(d, up), dot(d, ahead)];
+      });
+      const middle = (k) => {
+        const places = seen.map((p) => p[k] / Math.max(1e-3 * size, p[2] + distance));
+        return ((Math.min(...places) + Math.max(...places)) / 2) * distance;
+      };
+      const [x, y] = [middle(0), middle(1)];
+      view.target = add(add(view.target, right, x), up, y);
+      distance = Math.max(1e-3 * size, ...seen.map((p) =>
+        Math.max(Math.abs(p[0] - x) / (across * room), Math.abs(p[1] - y) / (upright * room)) - p[2]));
     }
     view.distance = distance;
   }
 
   function reset() {
     // From the side on which the robot looks widest, a little to the corner.
-    const { low, high } = box(solid);
+    const { low, high } = extent;
     view.turn = high[0] - low[0] >= high[1] - low[1] ? -0.55 : 1.05;
     view.tilt = LEVEL;
     fit(fixed);
@@ -174,11 +186,6 @@
     };
 
     /* The ground. */
-    const { low, high } = box(fixed);
-    const step = roundStep(Math.max(high[0] - low[0], high[1] - low[1], 1e-6) / 12);
-    const from = [0, 1].map((k) => Math.floor(low[k] / step - 0.5) * step);
-    const cells = [0, 1].map((k) => Math.ceil((high[k] + 0.5 * step - from[k]) / step));
-    const till = [0, 1].map((k) => from[k] + cells[k] * step);
     pen.lineWidth = 1;
     pen.strokeStyle = color("earth");
     for (let k = 0; k <= cells[0]; k++) trace([[from[0] + k * step, from[1], ground], [from[0] + k * step, till[1], ground]]);
@@ -195,7 +202,8 @@
     /* Cables, the farthest first; below the ground thin. */
     const strands = shownSolutions().flatMap((k) => solutions[k].map((cable, i) => {
       const middle = cable.points[Math.floor(cable.points.length / 2)];
-      return { cable, stroke: chosen === "all" ? cableColor(k) : cableColor(i), depth: see(middle)[2] };
+      const name = chosen === "all" ? `solution ${k + 1}, cable ${i + 1}` : `cable ${i + 1}`;
+      return { cable, name, stroke: chosen === "all" ? cableColor(k) : cableColor(i), depth: see(middle)[2] };
     }));
     strands.sort((a, b) => b.depth - a.depth);
     pen.lineJoin = "round";
@@ -225,9 +233,8 @@
     /* The platform: what its points enclose, as seen from here. */
     const points = data.attachments.map(see);
     if (points.every((p) => p[2] > near)) {
-      const around = hull(points.map(place));
       pen.beginPath();
-      for (const p of around) pen.lineTo(...p);
+      for (const p of hull(points.map(place))) pen.lineTo(...p);
       pen.closePath();
       pen.strokeStyle = color("body");
       pen.fillStyle = color("body");
@@ -254,29 +261,52 @@
       pen.fillStyle = color("ink");
       pen.fillText(text, ...at);
     };
-    const groups = (points) => {
-      const found = new Map();
-      points.forEach((p, i) => {
-        const name = p.join();
-        found.set(name, { p, numbers: [...(found.get(name)?.numbers ?? []), i + 1] });
-      });
-      return [...found.values()];
+    /* 1, 2, 3, 5 as "A1–A3, A5". */
+    const named = (letter, numbers) => {
+      const runs = [];
+      for (const n of [...numbers].sort()) {
+        const last = runs[runs.length - 1];
+        if (last && last[1] === n - 1) last[1] = n;
+        else runs.push([n, n]);
+      }
+      return runs.map(([a, b]) => (a === b ? letter + a : `${letter}${a}${b === a + 1 ? ", " : "\u2013"}${letter}${b}`)).join(", ");
     };
-    for (const [letter, list] of [["B", data.attachments], ["A", data.anchors]]) {
-      for (const { p, numbers } of groups(list)) {
+    let around = []; // the anchors, then, apart from each other
+    for (const [letter, list] of [["A", data.anchors], ["B", data.attachments]]) {
+      const groups = []; // what is close together shares a label
+      list.forEach((p, i) => {
         const seen = see(p);
-        if (seen[2] <= near) continue;
+        if (seen[2] <= near) return;
         const at = place(seen);
         pen.beginPath();
         pen.arc(...at, letter === "A" ? 4 : 2.5, 0, 2 * Math.PI);
         pen.fillStyle = color("ink");
         pen.fill();
+        const group = groups.find((g) => Math.hypot(g.at[0] - at[0], g.at[1] - at[1]) < 16);
+        if (group) group.numbers.push(i + 1);
+        else groups.push({ at, numbers: [i + 1] });
+      });
+      if (letter === "A") around = groups;
+      for (const { at, numbers } of groups) {
         const outwards = [at[0] - middle[0], at[1] - middle[1]];
-        // Where all is small, labels would only cover each other.
-        if (letter === "A" || Math.hypot(...outwards) > 7) {
-          label(numbers.map((n) => letter + n).join(", "), at, letter === "A" ? [outwards[0] / 9, -30] : outwards);
-        }
+        // From far away the platform is a point, named by its cables.
+        if (letter === "A") label(named("A", numbers), at, [outwards[0] / 9, -30]);
+        else if (groups.length > 1) label(named("B", numbers), at, outwards);
+        else if (around.length > 1) label("B", at, [1, 0.6]);
       }
+    }
+
+    /* How deep the cables hang that leave the ground far above them. */
+    const depths = around.map((group) => group.at);
+    for (const { cable, name } of strands) {
+      const lowest = cable.points.reduce((low, p) => (p[2] < low[2] ? p : low));
+      const seen = see(lowest);
+      if (!cable.slack || ground - lowest[2] < extent.high[2] - ground || seen[2] <= near) continue;
+      const [x, y] = place(seen);
+      if (y < 0 || y > height || x < 0 || x > width) continue;
+      if (depths.some((d) => Math.abs(d[0] - x) < 200 && Math.abs(d[1] - y) < 18)) continue;
+      depths.push([x, y]);
+      label(`${name}: ${digits(ground - lowest[2], 4)} m below the ground`, [x, y], [1, 0]);
     }
     pen.font = "12px system-ui, sans-serif";
     pen.textAlign = "left";
@@ -337,6 +367,7 @@
     }
   }
 
+  let fitting = null; // what the view has been fitted to and nobody has changed since
   const turnBy = (turn, tilt) => {
     view.turn += turn;
     view.tilt = Math.max(-1.57, Math.min(1.57, view.tilt + tilt));
@@ -356,8 +387,13 @@
     reset,
     all: () => fit([...fixed, ...shownSolutions().flatMap((k) => solutions[k].flatMap((cable) => cable.points))]),
   };
+  function act(name) {
+    actions[name]();
+    fitting = ["top", "side", "reset", "all"].includes(name) ? name : null;
+    drawRobot();
+  }
   for (const button of document.querySelectorAll("[data-view]")) {
-    button.addEventListener("click", () => { actions[button.dataset.view](); drawRobot(); });
+    button.addEventListener("click", () => act(button.dataset.view));
   }
   picture.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
@@ -366,16 +402,22 @@
       ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
       "+": "in", "=": "in", "-": "out", 0: "reset", Home: "reset", f: "all", F: "all",
     };
-    if (event.shiftKey && moves[event.key]) moveBy(...moves[event.key]);
-    else if (names[event.key]) actions[names[event.key]]();
-    else return;
+    if (event.shiftKey && moves[event.key]) {
+      fitting = null;
+      moveBy(...moves[event.key]);
+      drawRobot();
+    } else if (names[event.key]) {
+      act(names[event.key]);
+    } else {
+      return;
+    }
     event.preventDefault();
-    drawRobot();
   });
   picture.addEventListener("wheel", (event) => {
     // Otherwise the page scrolls, as it should.
     if (document.activeElement !== picture && !event.ctrlKey) return;
     event.preventDefault();
+    fitting = null;
     zoomBy(Math.exp(Math.max(-0.5, Math.min(0.5, event.deltaY * 0.0015))));
     drawRobot();
   }, { passive: false });
@@ -387,6 +429,7 @@
   picture.addEventListener("pointermove", (event) => {
     const before = fingers.get(event.pointerId);
     if (!before) return;
+    fitting = null;
     const apart = () => {
       const [a, b] = [...fingers.values()];
       return Math.hypot(a[0] - b[0], a[1] - b[1]);
@@ -461,13 +504,14 @@
     let frame = null;
     function layout() {
       const [h, v] = flat();
-      const width = canvas.parentElement.clientWidth - 2;
+      const width = Math.min(620, canvas.parentElement.clientWidth) - 2;
       const [cols, rowsUp] = [grid[h].length, grid[v].length];
       const [left, below, margin] = [58, 44, 12];
-      const room = [width - left - margin, Math.min(460, Math.max(240, width * 0.8))];
+      const room = [width - left - margin, Math.min(500, Math.max(260, width))];
       const [sx, sy] = [Math.abs(stepOf(h)), Math.abs(stepOf(v))];
       const perM = Math.min(room[0] / (cols * sx), room[1] / (rowsUp * sy));
       const cell = [perM * sx, perM * sy];
+      canvas.style.width = `${Math.round(cell[0] * cols + left + margin)}px`;
       canvas.style.height = `${Math.round(cell[1] * rowsUp + below + margin)}px`;
       frame = { left, top: margin, cell, cols, rowsUp };
     }
@@ -600,7 +644,13 @@
     function read() {
       const place = grid.map((list, k) => `${NAMES[k]} ${digits(list[cursor[k]])}`).join(", ");
       const k = index(cursor);
-      $("readout").textContent = `${place} m: ` + fields.map(({ name, text }) => `${name} ${text(k)}`).join("; ") + ".";
+      const rows = [["pose", `${place} m`], ...fields.map(({ name, text }) => [name, text(k)])];
+      $("readout").replaceChildren(...rows.flatMap(([name, value]) => {
+        const [term, said] = [document.createElement("dt"), document.createElement("dd")];
+        term.textContent = name;
+        said.textContent = value;
+        return [term, said];
+      }));
     }
 
     function setSlice() {
@@ -645,10 +695,16 @@
     legend();
   }
 
-  applyTheme();
-  reset();
   describe();
-  drawRobot();
+  act("reset");
   if (data.workspace) workspace(data.workspace);
-  new ResizeObserver(() => { for (const redraw of redraws) redraw(); }).observe(document.querySelector("main"));
+  applyTheme();
+  let width = document.body.clientWidth;
+  addEventListener("resize", () => {
+    if (document.body.clientWidth === width) return;
+    width = document.body.clientWidth;
+    if (fitting) actions[fitting]();
+    for (const redraw of redraws) redraw();
+  });
+  addEventListener("beforeprint", () => { for (const redraw of redraws) redraw(); });
 })();
