@@ -129,7 +129,7 @@ struct Enumerate {
     /// Follow every solution back to non-deformable cables as well (the inverse scheme)
     #[arg(long)]
     retrace: bool,
-    /// Write the cable shapes of each solution as well: DIR/solution-K.csv, and solution-K.vtp for ParaView
+    /// Write the cable shapes of each solution as well: DIR/solution-K.csv, and solution-K.vtp (VTK)
     #[arg(long, value_name = "DIR", conflicts_with = "cases")]
     shapes: Option<PathBuf>,
     /// Output: tables, or JSON (one line for each case of --cases)

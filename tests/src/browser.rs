@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 
 use serde_json::{Value, json};
 
-/// Keys that have no character of their own, as WebDriver writes them.
+/// Keys that have no character of their own, as `WebDriver` writes them.
 pub mod key {
     /// Tab.
     pub const TAB: char = '\u{e004}';
@@ -96,15 +96,22 @@ impl Browser {
     /// The value of a JavaScript expression.
     #[must_use]
     pub fn value(&self, expression: &str) -> Value {
-        self.run(&format!("return {expression};"))
+        self.execute(&format!("return {expression};"))
     }
 
     /// Runs JavaScript statements.
-    pub fn run(&self, script: &str) -> Value {
+    pub fn run(&self, script: &str) {
+        self.execute(script);
+    }
+
+    fn execute(&self, script: &str) -> Value {
         self.post("/execute/sync", &json!({ "script": script, "args": [] }))
     }
 
     /// The text of an expression.
+    ///
+    /// # Panics
+    /// When it is none.
     #[must_use]
     pub fn text(&self, expression: &str) -> String {
         self.value(expression)
@@ -136,7 +143,11 @@ impl Browser {
     }
 
     /// A command of the Chrome `DevTools` protocol.
-    pub fn devtools(&self, command: &str, parameters: &Value) -> Value {
+    pub fn devtools(&self, command: &str, parameters: &Value) {
+        self.answer_of_devtools(command, parameters);
+    }
+
+    fn answer_of_devtools(&self, command: &str, parameters: &Value) -> Value {
         self.post("/goog/cdp/execute", &json!({ "cmd": command, "params": parameters }))
     }
 
@@ -162,9 +173,12 @@ impl Browser {
     }
 
     /// The window as PNG, in base64.
+    ///
+    /// # Panics
+    /// When the browser gives none.
     #[must_use]
     pub fn screenshot(&self) -> String {
-        let answer = self.devtools("Page.captureScreenshot", &json!({ "format": "png" }));
+        let answer = self.answer_of_devtools("Page.captureScreenshot", &json!({ "format": "png" }));
         answer["data"].as_str().expect("a picture").to_owned()
     }
 }

@@ -55,7 +55,7 @@ static GRID: LazyLock<String> = LazyLock::new(|| {
             for ix in 0..5 {
                 let (x, y, z) = (f64::from(ix), 9.0 + f64::from(iy), 1.0 + 0.5 * f64::from(iz));
                 let place = format!("{iz},{iy},{ix},{x},{y},{z}");
-                text += &if (ix + iy) % 4 == 3 {
+                let row = if (ix + iy) % 4 == 3 {
                     format!("{place},0,lost_by_merging,,,,,\n")
                 } else {
                     let number = f64::from(100 * ix + 10 * iy + iz);
@@ -69,6 +69,7 @@ static GRID: LazyLock<String> = LazyLock::new(|| {
                         number + 1000.5,
                     )
                 };
+                text.push_str(&row);
             }
         }
     }

@@ -85,7 +85,7 @@
     solution.cables.map((cable) => ({ ...cable, points: triples(cable.points) })));
 
   const picture = $("picture");
-  const FIELD = 0.55; // half the angle of view, rad
+  const FIELD = 0.4; // half the angle of view, rad
   const LEVEL = 0.42; // usual height of the eye, rad
   const view = { turn: 0, tilt: LEVEL, distance: 1, target: [0, 0, 0] };
   let chosen = solutions.length ? 0 : null; // index, "all", or null: no solution
@@ -131,7 +131,7 @@
   function reset() {
     // From the side on which the robot looks widest, a little to the corner.
     const { low, high } = extent;
-    view.turn = high[0] - low[0] >= high[1] - low[1] ? -0.55 : 1.05;
+    view.turn = high[0] - low[0] >= high[1] - low[1] ? -0.6 : 0.85;
     view.tilt = LEVEL;
     fit(fixed);
   }
@@ -297,6 +297,7 @@
     }
 
     /* How deep the cables hang that leave the ground far above them. */
+    pen.font = "12px system-ui, sans-serif";
     const depths = around.map((group) => group.at);
     for (const { cable, name } of strands) {
       const lowest = cable.points.reduce((low, p) => (p[2] < low[2] ? p : low));
@@ -306,7 +307,7 @@
       if (y < 0 || y > height || x < 0 || x > width) continue;
       if (depths.some((d) => Math.abs(d[0] - x) < 200 && Math.abs(d[1] - y) < 18)) continue;
       depths.push([x, y]);
-      label(`${name}: ${digits(ground - lowest[2], 4)} m below the ground`, [x, y], [1, 0]);
+      label(`\u2190 ${name}: ${digits(ground - lowest[2], 4)} m below the ground`, [x, y], [1, 0]);
     }
     pen.font = "12px system-ui, sans-serif";
     pen.textAlign = "left";
@@ -463,7 +464,7 @@
     const mix = VIRIDIS[k].map((c, i) => Math.round(c + (at - k) * (VIRIDIS[k + 1][i] - c)));
     return `rgb(${mix.join()})`;
   }
-  /* Words differ by colour and by a letter. */
+  /* Words differ by colour and by a number. */
   const WORDS = ["#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2"];
 
   function workspace({ axes: grid, quantities }) {
@@ -536,7 +537,7 @@
             pen.fillRect(x, y, cell[0] + 0.5, cell[1] + 0.5);
             if (field.names && Math.min(...cell) > 9) {
               pen.fillStyle = "#000";
-              pen.fillText(field.names[field.values[k]][0], x + cell[0] / 2, y + cell[1] / 2);
+              pen.fillText(field.values[k] + 1, x + cell[0] / 2, y + cell[1] / 2);
             }
           } else { // no value: struck through
             pen.strokeStyle = color("line");
@@ -624,7 +625,7 @@
       };
       const entries = [];
       if (field.names) {
-        field.names.forEach((name, k) => entries.push(box(field.paint(k), name, name[0])));
+        field.names.forEach((name, k) => entries.push(box(field.paint(k), name, k + 1)));
       } else if (field.low <= field.high && Number.isInteger(field.low) && field.high - field.low <= 12 && !(field.values instanceof Float32Array)) {
         for (let v = field.low; v <= field.high; v++) entries.push(box(field.paint(v), digits(v)));
       } else if (field.low <= field.high) {
@@ -632,7 +633,10 @@
         ramp.className = "ramp";
         ramp.style.background = `linear-gradient(to right, ${Array.from({ length: 21 }, (_, k) => viridis(k / 20)).join()})`;
         const unit = field.unit ? " " + field.unit : "";
-        entries.push(digits(field.low, 4) + unit, ramp, digits(field.high, 4) + unit + (field.isLog ? " (logarithmic)" : ""));
+        const scale = document.createElement("span");
+        scale.className = "scale";
+        scale.append(digits(field.low, 4) + unit, ramp, digits(field.high, 4) + unit + (field.isLog ? " (logarithmic)" : ""));
+        entries.push(scale);
       }
       const isPartial = field.values.some((_, k) => !field.has(k));
       if (isPartial) entries.push(box(null, field.none));

@@ -114,7 +114,7 @@ pub(super) fn answer_section(
             @for ((number, found), slack) in (1_usize..).zip(&answer.solutions).zip(slack) {
                 div.solution data-solution=(number) {
                     h3 { "Solution " (number) small { " " (origin(found)) } }
-                    (cables(request, found, slack))
+                    (cables(request, found, *slack))
                     p {
                         (near(request, found)) " Determinant "
                         (if found.solution.is_positive { "positive" } else { "negative" })
@@ -173,7 +173,7 @@ fn overview(answer: &Enumeration) -> Markup {
 }
 
 /// The six cables of a solution.
-fn cables(request: &Request, found: &FoundSolution, slack: &[bool; CABLES]) -> Markup {
+fn cables(request: &Request, found: &FoundSolution, slack: [bool; CABLES]) -> Markup {
     let solution = &found.solution;
     html! {
         div.scroll tabindex="0" role="region" aria-label="Cables" {

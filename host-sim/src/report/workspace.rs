@@ -427,7 +427,7 @@ mod tests {
         let longest: Vec<f32> =
             bytes.chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
         assert!(longest[0].is_nan() && longest[2].is_nan());
-        assert_eq!([longest[1], longest[3]], [11.5, 7.0]);
+        assert_eq!([longest[1], longest[3]].map(f32::to_bits), [11.5, 7.0].map(f32::to_bits));
         let Encoded::Count(solutions) = quantity(&workspace, "solutions") else { panic!() };
         assert_eq!(BASE64_STANDARD.decode(solutions).unwrap(), [0, 2, 128, 1]);
         let Encoded::Name { names, bytes } = quantity(&workspace, "change") else { panic!() };
@@ -463,10 +463,9 @@ mod tests {
     #[test]
     fn a_grid_that_is_too_large_is_refused() {
         // A diagonal: every index is there, most of the poses are not.
-        let mut text = "ix,iy,iz,x_m,y_m,z_m,fold_margin\n".to_owned();
-        for k in 0..160 {
-            text += &format!("{k},{k},{k},{k},{k},{k},0.5\n");
-        }
+        let rows = (0..160).map(|k| format!("{k},{k},{k},{k},{k},{k},0.5\n"));
+        let text =
+            rows.fold("ix,iy,iz,x_m,y_m,z_m,fold_margin\n".to_owned(), |all, row| all + &row);
         let message = Workspace::parse(&text, "w.csv").unwrap_err().to_string();
         assert!(message.starts_with("w.csv: 4096000 poses would make"), "{message}");
         assert!(message.contains("larger than 20 MB; it can show 3750000 of them"), "{message}");
