@@ -346,7 +346,7 @@ fn the_workspace_is_shown_slice_by_slice() {
         let row = table
             .records()
             .map(Result::unwrap)
-            .find(|row| [x, y, z] == [3, 4, 5].map(|k| row[k].parse::<f64>().unwrap()))
+            .find(|row| [x, y, z].map(|c| c.to_string()) == [3, 4, 5].map(|k| row[k].to_owned()))
             .unwrap();
         let cell = |name: &str| &row[header.iter().position(|column| column == name).unwrap()];
         let number = |text: &str| text.split(' ').next().unwrap().parse::<f64>().unwrap();
