@@ -416,6 +416,7 @@ fn without_scripts_the_tables_are_there() {
     let path = folder.path().join("report.html");
     fs::write(&path, html(&five(), None)).unwrap();
     let browser = Browser::start();
+    browser.prefer_dark(true);
     browser.devtools("Emulation.setScriptExecutionDisabled", &serde_json::json!({ "value": true }));
     browser.open(&path);
     browser
@@ -429,13 +430,18 @@ fn without_scripts_the_tables_are_there() {
     assert_eq!(seen("#branches svg"), 1);
     assert_eq!(seen("canvas, fieldset, button"), 0);
     assert_eq!(seen("noscript"), 1);
+    let colours = browser.value(COLOURS);
+    assert_ne!(colours[0], "rgb(255, 255, 255)", "it is not dark");
 }
 
 #[test]
 fn on_paper_all_solutions_are_listed() {
     let open = Open::new(&html(&five(), None));
-    let media = serde_json::json!({ "media": "print" });
-    open.browser.devtools("Emulation.setEmulatedMedia", &media);
+    let light = open.browser.value(COLOURS);
+    open.browser.prefer_dark(true);
+    assert_ne!(open.browser.value(COLOURS), light);
+    open.browser.devtools("Emulation.setEmulatedMedia", &serde_json::json!({ "media": "print" }));
+    assert_eq!(open.browser.value(COLOURS), light, "dark on paper");
     let seen = "[...document.querySelectorAll('table.cables')].filter(e => e.getClientRects().length).length";
     assert_eq!(open.browser.value(seen), 5);
     let buttons = "[...document.querySelectorAll('button, fieldset, nav')].filter(e => e.getClientRects().length).length";

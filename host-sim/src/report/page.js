@@ -10,9 +10,11 @@
   let chosenTheme = null;
   try { chosenTheme = localStorage.getItem("cdpr-theme"); } catch { /* not kept, then */ }
   const redraws = [];
+  const resolved = new Map(); // colours by name, for the present theme
   function applyTheme() {
     const dark = chosenTheme ? chosenTheme === "dark" : darkSystem.matches;
     root.dataset.theme = dark ? "dark" : "light";
+    resolved.clear();
     $("theme").textContent = dark ? "Light" : "Dark";
     $("theme").setAttribute("aria-label", dark ? "Change to light colours" : "Change to dark colours");
     for (const redraw of redraws) redraw();
@@ -24,7 +26,23 @@
     applyTheme();
   });
   darkSystem.addEventListener("change", applyTheme);
-  const color = (name) => getComputedStyle(root).getPropertyValue("--" + name).trim();
+  /* Paper is light, and so are pictures on it. */
+  addEventListener("beforeprint", () => {
+    root.dataset.theme = "light";
+    resolved.clear();
+    for (const redraw of redraws) redraw();
+  });
+  addEventListener("afterprint", applyTheme);
+  /** A colour of the style sheet, which the theme has decided, as the canvas wants it. */
+  function color(name) {
+    if (!resolved.has(name)) {
+      const probe = document.body.appendChild(document.createElement("i"));
+      probe.style.color = `var(--${name})`;
+      resolved.set(name, getComputedStyle(probe).color);
+      probe.remove();
+    }
+    return resolved.get(name);
+  }
   const cableColor = (i) => color("c" + (i % 6 + 1));
 
   /** Makes the canvas as fine as the screen; its size in CSS px. */
@@ -462,10 +480,12 @@
     const at = Math.max(0, Math.min(1, share)) * (VIRIDIS.length - 1);
     const k = Math.min(VIRIDIS.length - 2, Math.floor(at));
     const mix = VIRIDIS[k].map((c, i) => Math.round(c + (at - k) * (VIRIDIS[k + 1][i] - c)));
-    return `rgb(${mix.join()})`;
+    return mix;
   }
+  const css = (rgb) => `rgb(${rgb.join()})`;
+  const parsed = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
   /* Words differ by colour and by a number. */
-  const WORDS = ["#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2"];
+  const WORDS = ["#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2"].map(parsed);
 
   function workspace({ axes: grid, quantities }) {
     const canvas = $("slices");
@@ -517,35 +537,57 @@
       frame = { left, top: margin, cell, cols, rowsUp };
     }
 
+    /** The slice, a pixel for each pose; kept, because the cursor moves more often than it changes. */
+    let slice = { name: null, canvas: null };
+    function pixels() {
+      const name = [field.key, axis, cursor[axis]].join();
+      if (slice.name !== name) {
+        const [h, v] = flat();
+        const { cols, rowsUp } = frame;
+        const image = new ImageData(cols, rowsUp);
+        const at = [...cursor];
+        for (let j = 0; j < rowsUp; j++) {
+          for (let i = 0; i < cols; i++) {
+            [at[h], at[v]] = [i, j];
+            const k = index(at);
+            if (field.has(k)) image.data.set([...field.paint(field.values[k]), 255], 4 * ((rowsUp - 1 - j) * cols + i));
+          }
+        }
+        const canvas = Object.assign(document.createElement("canvas"), { width: cols, height: rowsUp });
+        canvas.getContext("2d").putImageData(image, 0, 0);
+        slice = { name, canvas };
+      }
+      return slice.canvas;
+    }
+
     function draw() {
       layout();
       const { pen } = prepare(canvas);
       const [h, v] = flat();
       const { left, top, cell, cols, rowsUp } = frame;
       const corner = (i, j) => [left + i * cell[0], top + (rowsUp - 1 - j) * cell[1]];
+      pen.imageSmoothingEnabled = false;
+      pen.drawImage(pixels(), left, top, cols * cell[0], rowsUp * cell[1]);
       pen.font = `700 ${Math.min(14, cell[1] * 0.7)}px sans-serif`;
       pen.textAlign = "center";
       pen.textBaseline = "middle";
-      for (let i = 0; i < cols; i++) {
+      pen.lineWidth = 1;
+      pen.strokeStyle = color("line");
+      const small = Math.min(...cell);
+      const at = [...cursor];
+      for (let i = 0; i < cols && small > 4; i++) {
         for (let j = 0; j < rowsUp; j++) {
-          const at = [...cursor];
           [at[h], at[v]] = [i, j];
           const k = index(at);
           const [x, y] = corner(i, j);
-          if (field.has(k)) {
-            pen.fillStyle = field.paint(field.values[k]);
-            pen.fillRect(x, y, cell[0] + 0.5, cell[1] + 0.5);
-            if (field.names && Math.min(...cell) > 9) {
-              pen.fillStyle = "#000";
-              pen.fillText(field.values[k] + 1, x + cell[0] / 2, y + cell[1] / 2);
-            }
-          } else { // no value: struck through
-            pen.strokeStyle = color("line");
-            pen.lineWidth = 1;
+          if (!field.has(k)) { // struck through
             pen.beginPath();
             pen.moveTo(x, y + cell[1]);
             pen.lineTo(x + cell[0], y);
             pen.stroke();
+          } else if (field.names && small > 9) {
+            pen.fillStyle = "#000";
+            pen.fillText(field.values[k] + 1, x + cell[0] / 2, y + cell[1] / 2);
           }
         }
       }
@@ -588,10 +630,10 @@
       pen.restore();
 
       /* The pose of the report, if it is over the grid. */
-      const at = (k) => (data.position[k] - grid[k][0]) / stepOf(k);
-      const x = left + (at(h) + 0.5) * cell[0], y = top + (rowsUp - 0.5 - at(v)) * cell[1];
+      const steps = (k) => (data.position[k] - grid[k][0]) / stepOf(k);
+      const x = left + (steps(h) + 0.5) * cell[0], y = top + (rowsUp - 0.5 - steps(v)) * cell[1];
       if (x >= left && x <= left + cols * cell[0] && y >= top && y <= bottom) {
-        const inSlice = Math.abs(at(axis) - cursor[axis]) <= 0.5;
+        const inSlice = Math.abs(steps(axis) - cursor[axis]) <= 0.5;
         for (const [stroke, thick] of [["#fff", 5], ["#000", 2]]) {
           pen.strokeStyle = stroke;
           pen.lineWidth = thick;
@@ -625,13 +667,13 @@
       };
       const entries = [];
       if (field.names) {
-        field.names.forEach((name, k) => entries.push(box(field.paint(k), name, k + 1)));
+        field.names.forEach((name, k) => entries.push(box(css(field.paint(k)), name, k + 1)));
       } else if (field.low <= field.high && Number.isInteger(field.low) && field.high - field.low <= 12 && !(field.values instanceof Float32Array)) {
-        for (let v = field.low; v <= field.high; v++) entries.push(box(field.paint(v), digits(v)));
+        for (let v = field.low; v <= field.high; v++) entries.push(box(css(field.paint(v)), digits(v)));
       } else if (field.low <= field.high) {
         const ramp = document.createElement("span");
         ramp.className = "ramp";
-        ramp.style.background = `linear-gradient(to right, ${Array.from({ length: 21 }, (_, k) => viridis(k / 20)).join()})`;
+        ramp.style.background = `linear-gradient(to right, ${Array.from({ length: 21 }, (_, k) => css(viridis(k / 20))).join()})`;
         const unit = field.unit ? " " + field.unit : "";
         const scale = document.createElement("span");
         scale.className = "scale";
@@ -710,5 +752,4 @@
     if (fitting) actions[fitting]();
     for (const redraw of redraws) redraw();
   });
-  addEventListener("beforeprint", () => { for (const redraw of redraws) redraw(); });
 })();
