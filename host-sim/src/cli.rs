@@ -16,7 +16,7 @@ use crate::in_order;
 use crate::input_file::InputFileError;
 use crate::journal::JournalError;
 use crate::output;
-use crate::report::WorkspaceError;
+use crate::report::SlicesError;
 use crate::robot_file::RobotDescription;
 use crate::simulate::firmware::FirmwareError;
 use crate::simulate::summary::Outcome;
@@ -241,7 +241,7 @@ pub enum CliError {
     Trajectory(#[from] TrajectoryError),
     /// The workspace cannot be shown.
     #[error("--workspace: {0}")]
-    Workspace(#[from] WorkspaceError),
+    Slices(#[from] SlicesError),
     /// A simulation does not begin.
     #[error(transparent)]
     Begin(#[from] BeginError),

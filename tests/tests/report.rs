@@ -13,7 +13,7 @@ use cdpr_host_sim::branches::{Parameter, Range};
 use cdpr_host_sim::cases::Overrides;
 use cdpr_host_sim::enumerate::{Enumeration, Method, ModelKind, Options, Request};
 use cdpr_host_sim::output;
-use cdpr_host_sim::report::{Curves, Workspace, page};
+use cdpr_host_sim::report::{Curves, Slices, page};
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_tests::browser::{Browser, key};
 use serde_json::Value;
@@ -39,7 +39,7 @@ fn answer(request: &Request) -> Enumeration {
     request.enumerate(Options { kantorovich: true, ..Options::default() }).unwrap()
 }
 
-fn html(request: &Request, workspace: Option<&Workspace>) -> String {
+fn html(request: &Request, workspace: Option<&Slices>) -> String {
     let range = Range::new(0.0004, 0.008).unwrap();
     let curves = Curves::trace(request, Parameter::LinearDensity, range);
     page(request, &answer(request), &curves, workspace).unwrap()
@@ -77,7 +77,7 @@ static GRID: LazyLock<String> = LazyLock::new(|| {
 });
 
 fn with_grid() -> String {
-    html(&five(), Some(&Workspace::parse(&GRID, "grid.csv").unwrap()))
+    html(&five(), Some(&Slices::parse(&GRID, "grid.csv").unwrap()))
 }
 
 /// A page on disk, open in a browser.
@@ -356,7 +356,7 @@ fn the_workspace_is_shown_slice_by_slice() {
         let tension = number(cell("attachment_tension_2_n"));
         assert!((number(&readout["highest tension"]) / tension - 1.0).abs() < 1e-5);
         let margin = number(cell("fold_margin"));
-        assert!((number(&readout["margin to a fold"]) / margin - 1.0).abs() < 1e-5);
+        assert!((number(&readout["margin to a fold, 1/condition"]) / margin - 1.0).abs() < 1e-5);
     };
     assert_same_as_file(3.0, 12.0, 1.5);
 
@@ -399,7 +399,7 @@ fn names_are_only_text() {
     let mut request = five();
     request.robot.name = hostile.to_owned();
     let grid = GRID.replacen("gained", "\"</script><script>document.title='owned'</script>\"", 1);
-    let workspace = Workspace::parse(&grid, "grid.csv").unwrap();
+    let workspace = Slices::parse(&grid, "grid.csv").unwrap();
     let open = Open::new(&html(&request, Some(&workspace)));
     let title = open.browser.text("document.title");
     assert!(title.starts_with(hostile), "{title}");

@@ -9,7 +9,7 @@ use super::{CliError, Question, WholeFile, positive};
 use crate::branches::{Parameter, Range};
 use crate::enumerate::{ModelKind, Options, Request};
 use crate::output::counted;
-use crate::report::{self, Curves, Workspace};
+use crate::report::{self, Curves, Slices};
 
 /// From a tenth of the value at the pose to twice that, so that it is in the picture.
 const DEFAULT_RANGE: (f64, f64) = (0.1, 2.0);
@@ -39,7 +39,7 @@ impl Report {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let request = self.question.request()?;
         let (parameter, range) = self.range(&request)?;
-        let workspace = self.workspace.as_deref().map(Workspace::read).transpose()?;
+        let workspace = self.workspace.as_deref().map(Slices::read).transpose()?;
         let page = WholeFile::new(&self.out, "--out")?;
         let answer = request.enumerate(Options { kantorovich: true, ..Options::default() })?;
         let curves = Curves::trace(&request, parameter, range);

@@ -4,10 +4,10 @@
 //! The page is one file that asks the network for nothing. Everything that can be read is in its HTML;
 //! the script draws the two canvases and hides what is not chosen.
 
+mod slices;
 mod tables;
-mod workspace;
 
-pub use workspace::{Workspace, WorkspaceError};
+pub use slices::{Slices, SlicesError};
 
 use cdpr_core::{CABLES, GeometryFault};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -63,7 +63,7 @@ pub fn page(
     request: &Request,
     answer: &Enumeration,
     curves: &Curves,
-    workspace: Option<&Workspace>,
+    workspace: Option<&Slices>,
 ) -> Result<String, GeometryFault> {
     let data = Data::of(request, answer, workspace)?;
     let cables: Vec<_> = data.solutions.iter().map(|solution| &solution.cables).collect();
@@ -200,7 +200,7 @@ fn branches_section(curves: &Curves) -> Markup {
     }
 }
 
-fn workspace_section(workspace: &Workspace) -> Markup {
+fn workspace_section(workspace: &Slices) -> Markup {
     let [nx, ny, nz] = workspace.counts();
     html! {
         section #workspace aria-labelledby="workspace-title" {
@@ -246,7 +246,7 @@ struct Data<'a> {
     anchors: [[f64; 3]; CABLES],
     attachments: [[f64; 3]; CABLES],
     solutions: Vec<DrawnSolution>,
-    workspace: Option<&'a Workspace>,
+    workspace: Option<&'a Slices>,
 }
 
 #[derive(Serialize)]
@@ -267,7 +267,7 @@ impl<'a> Data<'a> {
     fn of(
         request: &Request,
         answer: &Enumeration,
-        workspace: Option<&'a Workspace>,
+        workspace: Option<&'a Slices>,
     ) -> Result<Self, GeometryFault> {
         let pose = request.pose()?;
         let cables = request.robot.robot.cables();

@@ -22,7 +22,7 @@ const NONE: i8 = i8::MIN;
 
 /// Why a workspace cannot be shown.
 #[derive(Debug, thiserror::Error)]
-pub enum WorkspaceError {
+pub enum SlicesError {
     /// The file is not what `cdpr workspace` writes.
     #[error(transparent)]
     File(#[from] InputFileError),
@@ -43,7 +43,7 @@ pub enum WorkspaceError {
 
 /// What is known at each pose of a regular grid.
 #[derive(Clone, Debug, Serialize)]
-pub struct Workspace {
+pub struct Slices {
     /// The coordinates of the grid, m: x, y, z.
     axes: [Vec<f64>; 3],
     /// Poses without a row.
@@ -101,7 +101,7 @@ fn wanted() -> Vec<Wanted> {
         row("solutions", "number of solutions", "", Source::Count("solutions")),
         row("longest_length", "longest rest length", "m", Source::Largest(cables("length", "m"))),
         row("highest_tension", "highest tension", "N", Source::Largest(both)),
-        row("fold_margin", "margin to a fold", "", one("fold_margin")),
+        row("fold_margin", "margin to a fold, 1/condition", "", one("fold_margin")),
         row("length_margin", "margin to the limit of length", "m", one("length_margin_m")),
         row("tension_margin", "margin to the limit of tension", "N", one("tension_margin_n")),
         row("change", "change against rigid cables", "", Source::Name("change")),
@@ -171,12 +171,12 @@ struct Place {
     line: usize,
 }
 
-impl Workspace {
+impl Slices {
     /// Reads what `cdpr workspace` has written to `folder`.
     ///
     /// # Errors
-    /// [`WorkspaceError`], naming file, line and column.
-    pub fn read(folder: &Path) -> Result<Self, WorkspaceError> {
+    /// [`SlicesError`], naming file, line and column.
+    pub fn read(folder: &Path) -> Result<Self, SlicesError> {
         let (text, path) = input_file::read(&folder.join(FILE))?;
         Self::parse(&text, &path)
     }
@@ -184,8 +184,8 @@ impl Workspace {
     /// The same from the text of the file; `path` is only for messages.
     ///
     /// # Errors
-    /// As [`Workspace::read`].
-    pub fn parse(text: &str, path: &str) -> Result<Self, WorkspaceError> {
+    /// As [`Slices::read`].
+    pub fn parse(text: &str, path: &str) -> Result<Self, SlicesError> {
         let (table, rows) = rows(text, path)?;
         let (places, axes) = grid(&table, &rows)?;
         let [nx, ny, nz] = axes.each_ref().map(Vec::len);
@@ -215,7 +215,7 @@ impl Workspace {
             .sum();
         let most = LARGEST_PAGE * BASE64.1 / BASE64.0 / pose_bytes;
         if poses > most as u64 {
-            return Err(WorkspaceError::TooLarge { path: path.to_owned(), poses, most });
+            return Err(SlicesError::TooLarge { path: path.to_owned(), poses, most });
         }
 
         let mut taken = vec![0; nx * ny * nz];
@@ -403,12 +403,12 @@ mod tests {
 
     const HEADER: &str = "iz,iy,ix,x_m,y_m,z_m,more,solutions,length_1_m,length_2_m,change";
 
-    fn parse(rows: &[&str]) -> Result<Workspace, String> {
+    fn parse(rows: &[&str]) -> Result<Slices, String> {
         let text = format!("{HEADER}\n{}\n", rows.join("\n"));
-        Workspace::parse(&text, "w.csv").map_err(|fault| fault.to_string())
+        Slices::parse(&text, "w.csv").map_err(|fault| fault.to_string())
     }
 
-    fn quantity<'a>(workspace: &'a Workspace, key: &str) -> &'a Encoded {
+    fn quantity<'a>(workspace: &'a Slices, key: &str) -> &'a Encoded {
         &workspace.quantities.iter().find(|quantity| quantity.key == key).unwrap().values
     }
 
@@ -456,7 +456,7 @@ mod tests {
             assert!(message.starts_with(expected), "{message}");
         }
         assert!(parse(&[]).unwrap_err().contains("there are no poses"));
-        let no_z = Workspace::parse("ix,iy,iz,x_m,y_m\n", "w.csv").unwrap_err().to_string();
+        let no_z = Slices::parse("ix,iy,iz,x_m,y_m\n", "w.csv").unwrap_err().to_string();
         assert_eq!(no_z, "w.csv:1: z_m: there is no such column");
     }
 
@@ -466,7 +466,7 @@ mod tests {
         let rows = (0..160).map(|k| format!("{k},{k},{k},{k},{k},{k},0.5\n"));
         let text =
             rows.fold("ix,iy,iz,x_m,y_m,z_m,fold_margin\n".to_owned(), |all, row| all + &row);
-        let message = Workspace::parse(&text, "w.csv").unwrap_err().to_string();
+        let message = Slices::parse(&text, "w.csv").unwrap_err().to_string();
         assert!(message.starts_with("w.csv: 4096000 poses would make"), "{message}");
         assert!(message.contains("larger than 20 MB; it can show 3750000 of them"), "{message}");
     }
