@@ -3,8 +3,7 @@
 //!
 //! `cargo run --release --example draw_problem -- host-sim/pictures/problem.svg`
 //!
-//! Every cable is drawn with its true shape. What hangs between the anchor and the point at rest
-//! length `s` is itself a cable, whose end the model knows.
+//! Every cable is drawn with its true shape.
 
 use std::error::Error;
 
@@ -14,6 +13,7 @@ use cdpr_host_sim::enumerate::{ModelKind, Options, Request};
 use cdpr_host_sim::output::pen::{FINE, GREY, INK, PALE, Pen, fine, font, px};
 use cdpr_host_sim::problem::Problem;
 use cdpr_host_sim::robot_file::{CableMaterial, RobotDescription};
+use cdpr_host_sim::shape::{shape, shapes};
 use nalgebra::{Vector2, Vector3};
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
@@ -69,14 +69,15 @@ fn picture(problem: &Problem<Model>, solution: &Solution) -> Outcome<String> {
 
 /// The shape of a cable in its plane, from the anchor to the attachment, m.
 fn shape_m(model: &Model, state: &CableState<f64>) -> Vec<Vector2<f64>> {
-    const PIECES: u32 = 60;
-    (0..=PIECES)
-        .map(|k| {
-            let s = state.rest_length_m * f64::from(k) / f64::from(PIECES);
-            let below_n = model.weight_n_m() * (state.rest_length_m - s);
-            model.end_point(state.force_n - Vector2::new(0.0, below_n), s).position_m
-        })
-        .collect()
+    let end_m = model.end_point(state.force_n, state.rest_length_m).position_m;
+    let plane = CablePlane {
+        x_m: end_m.x,
+        z_m: end_m.y,
+        direction: Vector2::x(),
+        lever_arm: Vector3::zeros(),
+    };
+    let points = shape(model, &Vector3::zeros(), &plane, state);
+    points.iter().map(|point| point.position_m.xz()).collect()
 }
 
 /// (a) The robot in perspective, with its cables at equilibrium.
@@ -101,12 +102,8 @@ fn draw_robot(pen: &Pen<'_>, problem: &Problem<Model>, solution: &Solution) -> O
         pen.line(&[foot, camera.see(cable.anchor_m)], GREY, 2.0)?;
         pen.dot(foot, 2.5, GREY)?;
     }
-    for (i, plane) in problem.balance.planes().iter().enumerate() {
-        let along = Vector3::new(plane.direction.x, plane.direction.y, 0.0);
-        let path: Vec<_> = shape_m(problem.model(i), &solution.states[i])
-            .iter()
-            .map(|p| camera.see(cables[i].anchor_m + along * p.x + Vector3::z() * p.y))
-            .collect();
+    for (i, points) in shapes(problem, solution).iter().enumerate() {
+        let path: Vec<_> = points.iter().map(|point| camera.see(point.position_m)).collect();
         let (color, width) = if i == CABLE { (COLORS[1], 2.6) } else { (INK, 1.5) };
         pen.line(&path, color, width)?;
         let anchor = path[0];

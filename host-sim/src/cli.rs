@@ -11,11 +11,12 @@ use tempfile::NamedTempFile;
 use crate::branches::{BranchesError, Diagram, Parameter, Range};
 use crate::cases::{self, CasesError, Overrides};
 use crate::continuation::Steps;
-use crate::enumerate::{self, Method, ModelKind, Request};
+use crate::enumerate::{self, Enumeration, Method, ModelKind, Request};
 use crate::in_order;
 use crate::input_file::InputFileError;
 use crate::journal::JournalError;
 use crate::output;
+use crate::report::SlicesError;
 use crate::robot_file::RobotDescription;
 use crate::simulate::firmware::FirmwareError;
 use crate::simulate::summary::Outcome;
@@ -25,6 +26,7 @@ use cdpr_core::TableFault;
 
 mod forward;
 mod import;
+mod report;
 mod simulate;
 mod table;
 mod workspace;
@@ -68,6 +70,8 @@ enum Command {
     Workspace(Box<workspace::Workspace>),
     /// Find where the platform comes to rest on cables of given rest lengths
     Forward(forward::Forward),
+    /// Show the solutions of a pose on one page for a browser, the robot in 3-D
+    Report(Box<report::Report>),
     /// Drive a physical model of the robot along a trajectory with the controller, faults included
     Simulate(Box<simulate::Simulate>),
 }
@@ -128,6 +132,9 @@ struct Enumerate {
     /// Follow every solution back to non-deformable cables as well (the inverse scheme)
     #[arg(long)]
     retrace: bool,
+    /// Write the cable shapes of each solution as well: DIR/solution-K.csv, and solution-K.vtp (VTK)
+    #[arg(long, value_name = "DIR", conflicts_with = "cases")]
+    shapes: Option<PathBuf>,
     /// Output: tables, or JSON (one line for each case of --cases)
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -185,6 +192,9 @@ pub enum CliError {
     /// The branches cannot be followed over this range.
     #[error("--parameter, --from, --to: {0}")]
     Branches(#[from] BranchesError),
+    /// The range of what varies is not known.
+    #[error("{0} is needed: the value at the pose is not a positive, finite number")]
+    NoRange(&'static str),
     /// What varies has a value as well.
     #[error("{0}: this is what varies, so --from and --to give its values")]
     Fixed(&'static str),
@@ -232,6 +242,9 @@ pub enum CliError {
     /// The trajectory is not valid.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
+    /// The workspace cannot be shown.
+    #[error("--workspace: {0}")]
+    Slices(#[from] SlicesError),
     /// A simulation does not begin.
     #[error(transparent)]
     Begin(#[from] BeginError),
@@ -295,6 +308,7 @@ pub fn run(cli: Cli, out: &mut impl Write) -> Result<(), CliError> {
         Some(Command::Table(command)) => command.run(out),
         Some(Command::Workspace(options)) => options.run(out),
         Some(Command::Forward(options)) => options.run(out),
+        Some(Command::Report(options)) => options.run(out),
         Some(Command::Simulate(options)) => options.run(out),
         None => cli.enumerate.run(out),
     }
@@ -316,6 +330,9 @@ fn progress_bar(count: usize, what: &str) -> ProgressBar {
 impl Enumerate {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let requests = self.requests()?;
+        if let Some(folder) = &self.shapes {
+            new_folder_for_shapes(folder)?;
+        }
         let threads = in_order::threads(self.threads.map(|n| n.get().into()))?;
         let progress = progress_bar(requests.len(), "poses");
         // Where both are seen on one screen, the bar makes way for the answers.
@@ -346,6 +363,9 @@ impl Enumerate {
             retrace: self.retrace,
             kantorovich: json,
         })?;
+        if let Some(folder) = &self.shapes {
+            write_shapes(folder, request, &answer)?;
+        }
         let mut text = match self.format {
             Format::Text => output::text(request, &answer).into_bytes(),
             Format::Json => {
@@ -400,6 +420,44 @@ impl Branches {
         }
         Ok(out.flush()?)
     }
+}
+
+const SHAPES: &str = "--shapes";
+
+/// Makes the folder for shapes, or refuses one with those of another answer.
+fn new_folder_for_shapes(folder: &Path) -> Result<(), CliError> {
+    let place = |path: &Path, source| CliError::Place {
+        option: SHAPES,
+        path: path.display().to_string(),
+        source,
+    };
+    std::fs::create_dir_all(folder).map_err(|source| place(folder, source))?;
+    let mut earlier = Vec::new();
+    for entry in folder.read_dir().map_err(|source| place(folder, source))? {
+        let path = entry.map_err(|source| place(folder, source))?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with("solution-") {
+            earlier.push(path);
+        }
+    }
+    match earlier.into_iter().min() {
+        Some(path) => Err(place(&path, io::Error::other("there from another answer; remove it"))),
+        None => Ok(()),
+    }
+}
+
+/// The cable shapes of each solution, in two files.
+fn write_shapes(folder: &Path, request: &Request, answer: &Enumeration) -> Result<(), CliError> {
+    for (number, found) in (1..).zip(&answer.solutions) {
+        let shapes = request.shapes(&found.solution)?;
+        let table = output::shapes::csv(&shapes).map_err(io::Error::other)?;
+        let picture = output::shapes::vtp(request, &shapes).into_bytes();
+        for (kind, bytes) in [("csv", table), ("vtp", picture)] {
+            let path = folder.join(format!("solution-{number}.{kind}"));
+            WholeFile::new(&path, SHAPES)?.write(&bytes)?;
+        }
+    }
+    Ok(())
 }
 
 /// A file that appears as a whole or not at all.

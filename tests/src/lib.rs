@@ -1,6 +1,7 @@
 //! Golden data, independent methods, and the one table of tolerances that the tests across the crates
 //! share.
 
+pub mod browser;
 pub mod fuzzing;
 pub mod images;
 pub mod multistart;

@@ -67,6 +67,18 @@ impl Parameter {
         }
     }
 
+    /// Its values in `request`, in its [unit](Self::unit): one for each cable, or the same for all.
+    #[must_use]
+    pub fn of(self, request: &Request) -> [f64; CABLES] {
+        let robot = &request.robot;
+        let cables = robot.robot.cables();
+        match self {
+            Self::LinearDensity => cables.each_ref().map(|cable| cable.model.linear_density_kg_m),
+            Self::AxialStiffness => cables.each_ref().map(|cable| cable.model.axial_stiffness_n),
+            Self::Mass => [robot.load.mass_kg; CABLES],
+        }
+    }
+
     /// The override that gives it `value`, in its [unit](Self::unit).
     #[must_use]
     pub fn at(self, value: f64) -> Overrides {

@@ -5,7 +5,9 @@ pub mod diagram;
 mod json;
 pub mod pen;
 pub mod run;
+pub mod shapes;
 mod text;
 
 pub use json::json;
 pub use text::text;
+pub(crate) use text::{counted, heading, plain, sign, significant};

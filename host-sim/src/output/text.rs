@@ -95,7 +95,7 @@ fn search_text(search: &SearchReport, answer: &Enumeration) -> String {
 }
 
 /// What was asked, with the range of what varies in place of its value.
-pub(super) fn heading(request: &Request, varied: Option<(Parameter, Range)>) -> String {
+pub(crate) fn heading(request: &Request, varied: Option<(Parameter, Range)>) -> String {
     let robot = &request.robot;
     let [x, y, z] = request.position_m;
     let [a, b, c] = request.rotation_vector_rad;
@@ -202,7 +202,7 @@ fn count(number: usize) -> String {
 }
 
 /// A number of things, in words.
-pub(super) fn counted(number: usize, thing: &str) -> String {
+pub(crate) fn counted(number: usize, thing: &str) -> String {
     match number {
         0 => format!("no {thing}"),
         1 => format!("1 {thing}"),
@@ -210,12 +210,12 @@ pub(super) fn counted(number: usize, thing: &str) -> String {
     }
 }
 
-pub(super) fn sign(is_positive: bool) -> &'static str {
+pub(crate) fn sign(is_positive: bool) -> &'static str {
     if is_positive { "+" } else { "-" }
 }
 
 /// All digits, with an exponent where there would be many zeros.
-pub(super) fn plain(value: f64) -> String {
+pub(crate) fn plain(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || (1e-4..1e9).contains(&size) {
         format!("{value}")
@@ -225,7 +225,7 @@ pub(super) fn plain(value: f64) -> String {
 }
 
 /// Six significant digits without an exponent, for the range of forces and sags.
-fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
