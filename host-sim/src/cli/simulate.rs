@@ -105,7 +105,7 @@ impl Simulate {
             scenario: &scenario,
             beginning: &beginning,
         };
-        let (finished, wall_s) = if let Some(image) = &self.firmware {
+        let finished = if let Some(image) = &self.firmware {
             self.drive(&setup, self.launch(image, &setup)?)?
         } else {
             let host = HostController::start(&robot, &beginning, table, self.precision)?;
@@ -118,7 +118,7 @@ impl Simulate {
         }
         let summary = &finished.summary;
         match self.format {
-            Format::Text => output::text(out, summary, wall_s)?,
+            Format::Text => output::text(out, summary, finished.wall_s)?,
             Format::Json => write_pretty(out, summary)?,
         }
         out.flush()?;
@@ -144,11 +144,7 @@ impl Simulate {
     }
 
     /// Runs to the end, and how long that took, s.
-    fn drive<C: Controller>(
-        &self,
-        setup: &Setup<'_>,
-        controller: C,
-    ) -> Result<(Finished, f64), CliError>
+    fn drive<C: Controller>(&self, setup: &Setup<'_>, controller: C) -> Result<Finished, CliError>
     where
         C::Error: std::error::Error,
     {
@@ -176,7 +172,7 @@ impl Simulate {
         let Run { simulation, mut summary, kept, log, .. } = run;
         summary.close(simulation.is_finished(), simulation.stops());
         log.map_or(Ok(()), Log::finish)?;
-        Ok((Finished { summary, kept, is_interrupted }, began.elapsed().as_secs_f64()))
+        Ok(Finished { summary, kept, is_interrupted, wall_s: began.elapsed().as_secs_f64() })
     }
 
     /// The table's bytes, with those bits flipped that the scenario wants so.
@@ -209,6 +205,8 @@ struct Finished {
     summary: Summary,
     kept: Vec<output::Kept>,
     is_interrupted: bool,
+    /// How long it took.
+    wall_s: f64,
 }
 
 /// A run under way.
@@ -240,14 +238,13 @@ where
         )]
         let progress =
             progress_bar((100.0 * self.trajectory.duration_s()) as usize, "hundredths of a second");
-        let mut is_first = true;
         while let Some(sample) =
             self.simulation.step().map_err(|error| CliError::Simulation(error.to_string()))?
         {
             self.summary.add(&sample);
             let is_look = (self.summary.ticks - 1).is_multiple_of(every);
             if is_look || !sample.decision.note.is_empty() {
-                self.look(&sample, is_look, &mut is_first)?;
+                self.look(&sample, is_look)?;
             }
             if is_look {
                 #[expect(
@@ -264,12 +261,7 @@ where
         Ok(false)
     }
 
-    fn look(
-        &mut self,
-        sample: &Sample,
-        is_look: bool,
-        is_first: &mut bool,
-    ) -> Result<(), CliError> {
+    fn look(&mut self, sample: &Sample, is_look: bool) -> Result<(), CliError> {
         let error = self.simulation.pose_error(sample);
         if is_look {
             self.summary.look(sample, error.as_ref());
@@ -278,7 +270,7 @@ where
             }
         }
         if let Some(log) = &mut self.log {
-            log.write(sample, error.as_ref(), std::mem::take(is_first))?;
+            log.write(sample, error.as_ref())?;
         }
         Ok(())
     }

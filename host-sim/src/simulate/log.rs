@@ -27,7 +27,12 @@ use super::{PoseError, Sample};
 /// A log that is being written.
 pub enum Log {
     /// For spreadsheets and scripts.
-    Csv(Box<csv::Writer<File>>),
+    Csv {
+        /// To the file.
+        writer: Box<csv::Writer<File>>,
+        /// Whether the names of the columns are written.
+        has_names: bool,
+    },
     /// For Foxglove.
     Mcap(Box<Mcap>),
 }
@@ -113,7 +118,8 @@ impl Log {
     pub fn create(path: &Path) -> io::Result<Self> {
         let file = File::create(path)?;
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
-            return Ok(Self::Csv(Box::new(csv::Writer::from_writer(file))));
+            let writer = Box::new(csv::Writer::from_writer(file));
+            return Ok(Self::Csv { writer, has_names: false });
         }
         Ok(Self::Mcap(Box::new(Mcap::new(file).map_err(io::Error::other)?)))
     }
@@ -122,16 +128,11 @@ impl Log {
     ///
     /// # Errors
     /// As the system says.
-    pub fn write(
-        &mut self,
-        sample: &Sample,
-        error: Option<&PoseError>,
-        is_first: bool,
-    ) -> io::Result<()> {
+    pub fn write(&mut self, sample: &Sample, error: Option<&PoseError>) -> io::Result<()> {
         let run = Run::of(sample, error);
         match self {
             Self::Mcap(mcap) => mcap.write(sample, &run).map_err(io::Error::other),
-            Self::Csv(writer) => {
+            Self::Csv { writer, has_names } => {
                 let mut columns = vec![("time_s".to_owned(), sample.time_s.to_string())];
                 for (prefix, place) in [("", &sample.place), ("commanded_", &sample.commanded)] {
                     let (p, q) = (&place.position_m, place.orientation.as_ref());
@@ -151,7 +152,7 @@ impl Log {
                 }
                 columns.extend(run.columns());
                 columns.push(("note".to_owned(), sample.decision.note.to_string()));
-                if is_first {
+                if !std::mem::replace(has_names, true) {
                     writer.write_record(columns.iter().map(|(name, _)| name))?;
                 }
                 writer.write_record(columns.iter().map(|(_, text)| text))?;
@@ -166,7 +167,7 @@ impl Log {
     /// As the system says.
     pub fn finish(self) -> io::Result<()> {
         match self {
-            Self::Csv(mut writer) => writer.flush(),
+            Self::Csv { mut writer, .. } => writer.flush(),
             Self::Mcap(mut mcap) => {
                 mcap.writer.finish().map_err(io::Error::other)?;
                 mcap.writer.into_inner().flush()
