@@ -156,6 +156,7 @@ impl Browser {
         let size =
             json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": is_phone });
         self.devtools("Emulation.setDeviceMetricsOverride", &size);
+        self.settle();
     }
 
     /// Whether the system asks for dark pages.
@@ -163,6 +164,14 @@ impl Browser {
         let value = if is_dark { "dark" } else { "light" };
         let features = json!([{ "name": "prefers-color-scheme", "value": value }]);
         self.devtools("Emulation.setEmulatedMedia", &json!({ "features": features }));
+        self.settle();
+    }
+
+    /// Waits until the page has been told and drawn.
+    fn settle(&self) {
+        let script =
+            "const done = arguments[0]; requestAnimationFrame(() => setTimeout(done, 20));";
+        self.post("/execute/async", &json!({ "script": script, "args": [] }));
     }
 
     /// What has been logged since the last look: of the `browser` (console) or its `performance` (network).

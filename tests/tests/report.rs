@@ -438,7 +438,7 @@ fn without_scripts_the_tables_are_there() {
 fn on_paper_all_solutions_are_listed() {
     let open = Open::new(&html(&five(), None));
     let light = open.browser.value(COLOURS);
-    open.browser.prefer_dark(true);
+    open.browser.run("document.getElementById('theme').click()");
     assert_ne!(open.browser.value(COLOURS), light);
     open.browser.devtools("Emulation.setEmulatedMedia", &serde_json::json!({ "media": "print" }));
     assert_eq!(open.browser.value(COLOURS), light, "dark on paper");

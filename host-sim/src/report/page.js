@@ -629,6 +629,14 @@
       pen.fillText(`${NAMES[v]} (m)`, 0, 0);
       pen.restore();
 
+      /* The cursor. */
+      const [cx, cy] = corner(cursor[h], cursor[v]);
+      for (const [stroke, thick] of [["#fff", 4], ["#000", 2]]) {
+        pen.strokeStyle = stroke;
+        pen.lineWidth = thick;
+        pen.strokeRect(cx, cy, cell[0], cell[1]);
+      }
+
       /* The pose of the report, if it is over the grid. */
       const steps = (k) => (data.position[k] - grid[k][0]) / stepOf(k);
       const x = left + (steps(h) + 0.5) * cell[0], y = top + (rowsUp - 0.5 - steps(v)) * cell[1];
@@ -644,14 +652,6 @@
           pen.stroke();
         }
         pen.setLineDash([]);
-      }
-
-      /* The cursor. */
-      const [cx, cy] = corner(cursor[h], cursor[v]);
-      for (const [stroke, thick] of [["#fff", 4], ["#000", 2]]) {
-        pen.strokeStyle = stroke;
-        pen.lineWidth = thick;
-        pen.strokeRect(cx, cy, cell[0], cell[1]);
       }
     }
 
