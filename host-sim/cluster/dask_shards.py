@@ -11,8 +11,8 @@ Parts lie in PARTS (--parts, default OUT.parts), a folder that all workers must 
 must the program, the robot file and the folder this is started in. A part is its own journal: whoever gets a part
 goes on where the last one was killed, and so does this driver when the same command is run again. While a process
 makes a part it holds a lock on the journal; a worker that is only thought lost is waited for (exit code 75 of
-cdpr), so that two never write one journal. The file system must have locks that reach over all machines, as NFS 4
-does; cdpr refuses to write where there are none.
+cdpr), so that two never write one journal. That needs a file system whose locks (flock) reach over all machines,
+as those of NFS do; one that keeps them on each machine (Lustre with localflock) protects only workers of one.
 
 Workers should have one thread each (dask worker --nthreads 1): cdpr itself uses all cores of its machine, or as
 many as --threads after `--` says. With --local they are shared out among the workers.

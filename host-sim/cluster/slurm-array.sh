@@ -13,6 +13,7 @@
 # and the folder this is started in. A part that is killed, preempted or out of time goes on where it was: Slurm
 # requeues it after a failed node, and the same command, given again, goes on with what is missing. While a process
 # makes a part it holds a lock on it; another one waits (exit code 75 of cdpr), so that two never write one part.
+# That needs a file system whose locks (flock) reach over all nodes, as those of NFS do.
 #
 # Exit code: 0 submitted, with the numbers of both jobs on stdout; 2 bad arguments; else that of sbatch.
 set -euo pipefail

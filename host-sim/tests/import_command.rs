@@ -222,7 +222,10 @@ fn what_is_not_said_is_asked_for_all_at_once() {
     let assert = source.import(&[&UNSAID[..], &STIFFNESS].concat()).success();
     let text = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
     assert!(text.contains("# Given by hand: axial stiffness EA 1256637.0614359172."), "{text}");
-    assert!(text.contains("# Dropped: force_min 1 of cable 1"), "{text}");
+    assert!(
+        text.contains("# Dropped: force_min 1 of cables (lines 10, 26, 42, 58, 74, 90)."),
+        "{text}"
+    );
     assert!(!text.contains("in place of"), "{text}");
     // Of some cables only.
     let mixed = with(

@@ -16,6 +16,8 @@
 //! `data/model_config/models/SCDM/spatial_manipulators`, which cover both roots of the bodies (`links`, and
 //! `bodies_system` around it). The constant of gravity and the forces say that units are SI.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
@@ -212,8 +214,13 @@ fn cable_set(
     }
     let found = six(elements(set).collect()).map_err(|message| file.refuse(set, message))?;
     let mut cables = Vec::with_capacity(found.len());
+    let mut dropped = BTreeMap::new();
     for node in found {
-        cables.push(cable(file, node, reading, body, notes)?);
+        cables.push(cable(file, node, reading, body, notes, &mut dropped)?);
+    }
+    for (property, lines) in dropped {
+        let lines: Vec<String> = lines.iter().map(usize::to_string).collect();
+        notes.push(format!("Dropped: {property} of cables (lines {}).", lines.join(", ")));
     }
     six(cables).map_err(|message| file.refuse(set, message))
 }
@@ -224,6 +231,7 @@ fn cable(
     reading: &Reading,
     body: &Body,
     notes: &mut Vec<String>,
+    dropped: &mut BTreeMap<String, Vec<usize>>,
 ) -> Result<ImportedCable, InputFileError> {
     let is_spring = match node.tag_name().name() {
         "cable_ideal" => false,
@@ -272,13 +280,10 @@ fn cable(
         return Err(file.refuse(largest, format!("{max_tension_n} N is not positive")));
     }
     for property in elements(properties) {
-        let dropped = property.tag_name().name();
-        if dropped != "force_max" && !(is_spring && dropped == "K") {
+        let name = property.tag_name().name();
+        if name != "force_max" && !(is_spring && name == "K") {
             let value = property.text().unwrap_or_default().trim();
-            notes.push(format!(
-                "Dropped: {dropped} {value} of {name} (line {}).",
-                file.line(property)
-            ));
+            dropped.entry(format!("{name} {value}")).or_default().push(file.line(property));
         }
     }
 

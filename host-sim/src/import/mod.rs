@@ -4,6 +4,9 @@
 //! [`Imported::robot_file`] writes it as a robot file. What a sagging cable needs and the source does not say is
 //! never made up: it has to be given, or the import is refused with a list of all that is missing. What the source
 //! says and a robot file cannot is either refused (it would be another robot) or listed at the head of the file.
+//!
+//! `--robot` does not take such files itself, on purpose: neither format says what sagging needs, so that every call
+//! would need the same options again, and nobody would see what was dropped.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
