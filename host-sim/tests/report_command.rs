@@ -144,7 +144,9 @@ fn a_map_of_the_workspace_is_shown() {
     let map = ["workspace", "--grid", "3,4,2", "--region", "0..4,4..10,1..2", "--out", "map"];
     Command::new(CDPR).current_dir(folder.0.path()).args(map).assert().success();
     let page = page(&folder, &["--workspace", "map"]);
-    assert!(page.contains("a grid of 3 \u{d7} 4 \u{d7} 2 poses."), "no grid");
+    let grid = "A grid of 3 \u{d7} 4 \u{d7} 2 poses; lengths, tensions and margins of the solution";
+    assert!(page.contains(grid), "no grid");
+    assert!(!page.contains("something else"), "the same robot");
     assert!(page.contains(r#""axes":[[0.0,2.0,4.0],[4.0,6.0,8.0,10.0],[1.0,2.0]]"#), "no axes");
     for key in ["solutions", "longest_length", "highest_tension", "fold_margin", "status", "degree"]
     {
@@ -156,6 +158,22 @@ fn a_map_of_the_workspace_is_shown() {
     Command::new(CDPR).current_dir(folder.0.path()).args(rigid).assert().success();
     let page = rigid_page(&folder);
     assert!(page.contains(r#"{"key":"rigid_solutions","#), "no rigid solutions");
+    assert!(page.contains("something else than this report: cable model differs."), "other cables");
+    let further = ["--workspace", "map", "--mass", "60", "--linear-density", "0.08"];
+    let page = crate::page(&folder, &further);
+    let said = "something else than this report: load, linear density differ.";
+    assert!(page.contains(said), "another mass");
+    fs::write(folder.path("map/workspace.json"), "{\n\"order\": 1}").unwrap();
+    let said = refusal_of_map(&folder);
+    assert!(said.contains("map/workspace.json:2: order: "), "{said}");
+    fs::remove_file(folder.path("map/workspace.json")).unwrap();
+    let page = crate::page(&folder, &["--workspace", "map"]);
+    assert!(page.contains("What the map is of is not known"), "no word of it");
+}
+
+fn refusal_of_map(folder: &Folder) -> String {
+    fs::remove_file(folder.path("page.html")).unwrap();
+    refusal(folder, &["--workspace", "map"])
 }
 
 fn rigid_page(folder: &Folder) -> String {

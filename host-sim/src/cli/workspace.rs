@@ -182,7 +182,7 @@ impl Files {
         Ok(Self {
             csv: file("workspace.csv")?,
             parquet: file("workspace.parquet")?,
-            json: file("workspace.json")?,
+            json: file(workspace::DOCUMENT)?,
         })
     }
 

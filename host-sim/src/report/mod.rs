@@ -106,7 +106,7 @@ pub fn page(
                     (tables::answer_section(request, answer, &slack))
                     (tables::proof_section(request, answer))
                     (branches_section(curves))
-                    @if let Some(workspace) = workspace { (workspace_section(workspace)) }
+                    @if let Some(workspace) = workspace { (workspace_section(request, workspace)) }
                 }
                 footer { p { "Made by cdpr " (env!("CARGO_PKG_VERSION")) "." } }
                 script type="application/json" #data { (PreEscaped(inert(&data))) }
@@ -200,15 +200,27 @@ fn branches_section(curves: &Curves) -> Markup {
     }
 }
 
-fn workspace_section(workspace: &Slices) -> Markup {
+fn workspace_section(request: &Request, workspace: &Slices) -> Markup {
     let [nx, ny, nz] = workspace.counts();
+    let differs = workspace.order().map(|order| order.differs_from(request));
     html! {
         section #workspace aria-labelledby="workspace-title" {
             h2 #workspace-title { "Workspace" }
             p {
-                "Orientation and load as in its own run; a grid of " (nx) " \u{d7} " (ny) " \u{d7} " (nz) " poses"
+                "A grid of " (nx) " \u{d7} " (ny) " \u{d7} " (nz) " poses"
                 @if workspace.missing() > 0 { ", " (workspace.missing()) " of them not computed" }
+                @if let Some(order) = workspace.order() {
+                    "; lengths, tensions and margins of the solution that is the best: " (order.choice)
+                }
                 "."
+            }
+            @match differs.as_deref() {
+                Some([]) => {}
+                Some(differs) => p.warning {
+                    "The map is of something else than this report: " (differs.join(", "))
+                    @if differs.len() == 1 { " differs." } @else { " differ." }
+                },
+                None => p.warning { "What the map is of is not known: there is no workspace.json beside it." }
             }
             noscript { p.note { "The slices need JavaScript." } }
             div.controls.needs-script {

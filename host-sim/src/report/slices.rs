@@ -8,6 +8,7 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Serialize;
 
 use crate::input_file::{self, InputFileError};
+use crate::workspace::Order;
 
 /// The file in the folder.
 const FILE: &str = "workspace.csv";
@@ -51,6 +52,9 @@ pub struct Slices {
     /// Poses without a row.
     missing: usize,
     quantities: Vec<Quantity>,
+    /// What was asked for, if that is known.
+    #[serde(skip)]
+    order: Option<Order>,
 }
 
 /// Something that has a value at each pose.
@@ -180,7 +184,7 @@ impl Slices {
     /// [`SlicesError`], naming file, line and column.
     pub fn read(folder: &Path) -> Result<Self, SlicesError> {
         let (text, path) = input_file::read(&folder.join(FILE))?;
-        Self::parse(&text, &path)
+        Ok(Self { order: Order::of_map(folder)?, ..Self::parse(&text, &path)? })
     }
 
     /// The same from the text of the file; `path` is only for messages.
@@ -240,13 +244,19 @@ impl Slices {
             };
             quantities.push(Quantity { key, name, unit, values });
         }
-        Ok(Self { axes, missing, quantities })
+        Ok(Self { axes, missing, quantities, order: None })
     }
 
     /// How many poses the grid has along x, y, z.
     #[must_use]
     pub fn counts(&self) -> [usize; 3] {
         self.axes.each_ref().map(Vec::len)
+    }
+
+    /// What was asked for, if that is known.
+    #[must_use]
+    pub fn order(&self) -> Option<&Order> {
+        self.order.as_ref()
     }
 
     /// How many poses of the grid have no row in the file.

@@ -11,6 +11,8 @@ mod findings;
 mod grid;
 mod summary;
 
+use std::path::Path;
+
 use cdpr_core::{CABLES, Cable, GeometryFault, Load, Robot};
 use nalgebra::Vector3;
 use rayon::ThreadPool;
@@ -19,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::choice::Choice;
 use crate::enumerate::{ModelKind, Request};
 use crate::in_order;
+use crate::input_file::{self, InputFileError};
 use crate::journal::Job;
 use crate::robot_file::{Body, CableLimits, CableMaterial, Control, RobotDescription, WinchDesign};
 pub use file::{csv, parquet};
@@ -28,6 +31,9 @@ pub use summary::{Histogram, Needs, Summary, Told};
 
 /// Poses of a tile: some 30 ms of work.
 const TILE: usize = 64;
+
+/// File with the order and the statistics, in the folder of a map.
+pub const DOCUMENT: &str = "workspace.json";
 
 /// Version of the journal of a map, and of its files.
 const FORMAT: u32 = 1;
@@ -168,6 +174,65 @@ impl Order {
             winch: WinchDesign::default(),
             control: Control::default(),
         })
+    }
+
+    /// What the map in a folder was ordered as; `None`: nobody has left it there.
+    ///
+    /// # Errors
+    /// [`InputFileError`], naming file, line and what is wrong.
+    pub fn of_map(folder: &Path) -> Result<Option<Self>, InputFileError> {
+        #[derive(Deserialize)]
+        struct Document {
+            order: Order,
+        }
+        let path = folder.join(DOCUMENT);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let (text, path) = input_file::read(&path)?;
+        let refuse = |line: usize, message: String| InputFileError::Content {
+            path: path.clone(),
+            line,
+            field: "order".to_owned(),
+            message,
+        };
+        let Document { order } =
+            serde_json::from_str(&text).map_err(|error| refuse(error.line(), error.to_string()))?;
+        order.check().map_err(|fault| refuse(1, fault))?;
+        Ok(Some(order))
+    }
+
+    /// In what the robot, the load, the orientation and the cables of `request` differ from those ordered.
+    #[must_use]
+    #[allow(clippy::float_cmp)] // the same is what has the same bits
+    pub fn differs_from(&self, request: &Request) -> Vec<&'static str> {
+        let Request { robot, rotation_vector_rad, model, .. } = request;
+        let Ok(other) = Self::new(robot, *model, self.grid, *rotation_vector_rad, self.choice)
+        else {
+            return vec!["limits"]; // a map with them cannot be ordered
+        };
+        let cables = |is_same: fn(&CableRecord, &CableRecord) -> bool| {
+            self.cables.iter().zip(&other.cables).all(|(a, b)| is_same(a, b))
+        };
+        let same = [
+            ("robot", self.robot == other.robot),
+            (
+                "geometry",
+                cables(|a, b| (a.anchor_m, a.attachment_m) == (b.anchor_m, b.attachment_m)),
+            ),
+            ("load", self.load == other.load),
+            ("rotation vector", self.rotation_vector_rad == other.rotation_vector_rad),
+            ("cable model", self.model == other.model),
+            ("linear density", cables(|a, b| a.linear_density_kg_m == b.linear_density_kg_m)),
+            ("axial stiffness", cables(|a, b| a.axial_stiffness_n == b.axial_stiffness_n)),
+            (
+                "limits",
+                cables(|a, b| {
+                    (a.max_length_m, a.max_tension_n) == (b.max_length_m, b.max_tension_n)
+                }),
+            ),
+        ];
+        same.iter().filter(|(_, is_same)| !is_same).map(|(what, _)| *what).collect()
     }
 
     fn request(&self, position_m: [f64; 3]) -> Request {
