@@ -3,6 +3,8 @@
 //! The files in `import/` are MARIONET-CRANE, written by hand in the formats of CASPR and WireX. Faulty ones differ
 //! from them in one place.
 
+mod common;
+
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command as Process;
@@ -11,10 +13,10 @@ use assert_cmd::Command;
 use assert_cmd::assert::Assert;
 use cdpr_host_sim::import::{self, Given, ImportError, Reading};
 use cdpr_host_sim::robot_file::RobotDescription;
+use common::CDPR;
 use serde_json::Value;
 use tempfile::TempDir;
 
-const CDPR: &str = env!("CARGO_BIN_EXE_cdpr");
 const BODIES: &str = include_str!("import/crane_bodies.xml");
 const CABLES: &str = include_str!("import/crane_cables.xml");
 const WIREX: &str = include_str!("import/crane.wcrfx");
