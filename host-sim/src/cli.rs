@@ -22,6 +22,7 @@ use crate::simulate::firmware::FirmwareError;
 use crate::simulate::summary::Outcome;
 use crate::simulate::{BeginError, TrajectoryError};
 use crate::table::OrderError;
+use crate::workspace::{Grid, GridError};
 use cdpr_core::TableFault;
 
 mod forward;
@@ -113,6 +114,31 @@ struct Question {
     /// Cable model
     #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
     model: ModelKind,
+}
+
+/// Poses on a grid.
+#[derive(Debug, Args)]
+struct Poses {
+    /// Number of poses along x, y and z
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = counts)]
+    grid: [usize; 3],
+    /// Positions of the platform origin, world frame, m, both ends included, like 0..4,4..12,2
+    #[arg(long, value_name = "X..X,Y..Y,Z..Z", value_parser = ranges, allow_hyphen_values = true)]
+    region: [[f64; 2]; 3],
+    /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
+    #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
+    rotation_vector: Option<[f64; 3]>,
+}
+
+impl Poses {
+    fn grid(&self) -> Result<Grid, CliError> {
+        let [low_m, high_m] = [0, 1].map(|end| self.region.map(|range| range[end]));
+        Ok(Grid::new(self.grid, low_m, high_m)?)
+    }
+
+    fn rotation_vector(&self) -> [f64; 3] {
+        self.rotation_vector.unwrap_or_default()
+    }
 }
 
 #[derive(Debug, Args)]
@@ -214,6 +240,9 @@ pub enum CliError {
     /// A table cannot be made of what was asked for.
     #[error(transparent)]
     Order(#[from] OrderError),
+    /// There is no such grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
     /// A map cannot be made of what was asked for.
     #[error(transparent)]
     Workspace(#[from] crate::workspace::OrderError),
@@ -599,4 +628,14 @@ fn ranges(text: &str) -> Result<[[f64; 2]; 3], String> {
     let ranges = text.split(',').map(range).collect::<Result<Vec<_>, _>>()?;
     let three = |given: Vec<_>| format!("{} ranges given, three needed", given.len());
     ranges.try_into().map_err(three)
+}
+
+fn counts(text: &str) -> Result<[usize; 3], String> {
+    let count = |part: &str| {
+        part.trim().parse().map_err(|_| format!("'{}' is not a number of poses", part.trim()))
+    };
+    let counts = text.split(',').map(count).collect::<Result<Vec<usize>, _>>()?;
+    counts
+        .try_into()
+        .map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
 }

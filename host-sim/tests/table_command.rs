@@ -395,3 +395,33 @@ fn help_of_tables_names_units_and_defaults() {
         assert!(help.contains(part), "{part} not in {help}");
     }
 }
+
+#[test]
+fn sheets_are_listed_with_where_a_table_of_them_starts() {
+    let question = ["table", "sheets", "--grid", "5,9,4", "--region", "0..4,4..12,1..4"];
+    let limited = [&question[..], &["--max-length", "60"]].concat();
+    let text = stdout(&cdpr(&limited).success().stderr(""));
+    assert!(text.starts_with("180 poses, "), "{text}");
+    assert!(text.contains("Sheet 1: ") && text.contains("shortest longest cable: "), "{text}");
+    let json = stdout(&cdpr(&[&limited[..], &["--format", "json"]].concat()).success());
+    let one = [&limited[..], &["--format", "json", "--threads", "1"]].concat();
+    assert_eq!(json, stdout(&cdpr(&one).success()));
+    let sheets: Value = serde_json::from_str(&json).expect("JSON");
+    let largest = &sheets["sheets"][0];
+    // Its best start is the best of the solutions there, which a table would take.
+    let best = &largest["shortest"];
+    let position: Vec<String> =
+        best["position_m"].as_array().expect("a position").iter().map(Value::to_string).collect();
+    let position = position.join(",");
+    let ask = ["enumerate", "--position", &position, "--max-length", "60", "--method", "complete"];
+    let answer = stdout(&cdpr(&[&ask[..], &["--format", "json"]].concat()).success());
+    let answer: Value = serde_json::from_str(&answer).expect("JSON");
+    let index = usize::try_from(best["solution"].as_u64().expect("a number")).expect("small") - 1;
+    let lengths_m = answer["solutions"][index]["lengths_m"].as_array().expect("lengths");
+    let longest_m = lengths_m.iter().map(|l| l.as_f64().expect("m")).fold(0.0, f64::max);
+    assert!((longest_m - best["value"].as_f64().expect("m")).abs() < 1e-9);
+
+    assert_refused(&question[..4], &["--region"]);
+    assert_refused(&[&question[..], &["--rotation-vector", "0,x,0"]].concat(), &["'x'"]);
+    assert_refused(&["table", "sheets", "--grid", "2,2,2", "--region", "0,0,0"], &["no extent"]);
+}

@@ -9,12 +9,13 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 
 use super::{
-    CliError, Format, Question, THREADS_HELP, WholeFile, progress_bar, ranges, write_pretty,
+    CliError, Format, Machine, Poses, Question, THREADS_HELP, WholeFile, progress_bar, ranges,
+    write_pretty,
 };
 use crate::choice::Choice;
 use crate::in_order;
 use crate::journal::{self, Journal, Shard};
-use crate::table::{Effort, LEVEL, Order, OrderError, Outcome, Verification, verify};
+use crate::table::{Effort, LEVEL, Order, OrderError, Outcome, Sheets, Verification, verify};
 
 const SHARD_HELP: &str = "\
 Make only part K of N, counted from 1; --out is then a file for `cdpr table merge`, which gives the same bytes \
@@ -22,6 +23,8 @@ as a build in one";
 
 #[derive(Debug, Subcommand)]
 pub(super) enum TableCommand {
+    /// List the sheets of solutions over a region: what a table can be of
+    Sheets(Box<SheetsOf>),
     /// Build a table with proof; goes on where a build of the same was killed
     Build(Box<Build>),
     /// Put the parts of a build together
@@ -32,6 +35,19 @@ pub(super) enum TableCommand {
     Verify(Verify),
     /// Write a table as a Rust constant
     EmitRust(EmitRust),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct SheetsOf {
+    #[command(flatten)]
+    machine: Machine,
+    #[command(flatten)]
+    poses: Poses,
+    /// As text or JSON
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[arg(long, help = THREADS_HELP, value_name = "N")]
+    threads: Option<NonZeroU16>,
 }
 
 #[derive(Debug, Args)]
@@ -120,6 +136,7 @@ pub(super) struct EmitRust {
 impl TableCommand {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         match self {
+            Self::Sheets(options) => options.run(out),
             Self::Build(options) => options.run(out),
             Self::Merge(options) => {
                 let file = WholeFile::new(&options.out, "--out")?;
@@ -132,6 +149,25 @@ impl TableCommand {
             Self::Verify(options) => options.run(out),
             Self::EmitRust(options) => options.run(out),
         }
+    }
+}
+
+impl SheetsOf {
+    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        let (robot, grid) = (self.machine.robot()?, self.poses.grid()?);
+        if robot.limits.iter().any(|limits| !limits.max_tension_n.is_finite()) {
+            return Err(OrderError::Limits.into());
+        }
+        let pool = in_order::threads(self.threads.map(|n| n.get().into()))?;
+        let progress = progress_bar(2 * grid.poses(), "half poses");
+        let turn = self.poses.rotation_vector();
+        let sheets = Sheets::of(&robot, &grid, turn, &pool, || progress.inc(1))?;
+        progress.finish_and_clear();
+        match self.format {
+            Format::Json => write_pretty(out, &sheets)?,
+            Format::Text => write!(out, "{sheets}")?,
+        }
+        Ok(out.flush()?)
     }
 }
 

@@ -9,13 +9,13 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 
 use super::{
-    CliError, Format, Machine, THREADS_HELP, WholeFile, progress_bar, ranges, triple, write_pretty,
+    CliError, Format, Machine, Poses, THREADS_HELP, WholeFile, progress_bar, write_pretty,
 };
 use crate::choice::Choice;
 use crate::enumerate::ModelKind;
 use crate::in_order;
 use crate::journal::{self, Journal, Shard};
-use crate::workspace::{self, Findings, Grid, Order, Summary, Told};
+use crate::workspace::{self, Findings, Order, Summary, Told};
 
 const LONG_ABOUT: &str = "\
 Map where the platform can go: the solutions at every pose of a grid, with proof.
@@ -38,6 +38,8 @@ pub(super) struct Workspace {
     #[command(flatten)]
     machine: Machine,
     #[command(flatten)]
+    poses: Option<Poses>,
+    #[command(flatten)]
     map: Option<Map>,
 }
 
@@ -49,15 +51,6 @@ enum WorkspaceCommand {
 
 #[derive(Debug, Args)]
 struct Map {
-    /// Number of poses along x, y and z
-    #[arg(long, value_name = "NX,NY,NZ", value_parser = counts)]
-    grid: [usize; 3],
-    /// Positions of the platform origin, world frame, m, both ends included, like 0..4,4..12,2
-    #[arg(long, value_name = "X..X,Y..Y,Z..Z", value_parser = ranges, allow_hyphen_values = true)]
-    region: [[f64; 2]; 3],
-    /// Orientation of the platform as rotation vector (axis times angle), rad [default: 0,0,0]
-    #[arg(long, value_name = "RX,RY,RZ", value_parser = triple, allow_hyphen_values = true)]
-    rotation_vector: Option<[f64; 3]>,
     /// Cable model
     #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
     model: ModelKind,
@@ -94,22 +87,21 @@ struct Merge {
 
 impl Workspace {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
-        match (&self.command, &self.map) {
-            (Some(WorkspaceCommand::Merge(merge)), _) => merge.run(out),
-            (None, Some(map)) => map.run(&self.machine, out),
-            (None, None) => unreachable!("clap asks for the one or the other"),
+        match (&self.command, &self.poses, &self.map) {
+            (Some(WorkspaceCommand::Merge(merge)), ..) => merge.run(out),
+            (None, Some(poses), Some(map)) => map.run(&self.machine, poses, out),
+            _ => unreachable!("clap asks for the one or the other"),
         }
     }
 }
 
 impl Map {
-    fn run(&self, machine: &Machine, out: &mut impl Write) -> Result<(), CliError> {
-        let [low_m, high_m] = [0, 1].map(|end| self.region.map(|range| range[end]));
+    fn run(&self, machine: &Machine, poses: &Poses, out: &mut impl Write) -> Result<(), CliError> {
         let order = Order::new(
             &machine.robot()?,
             if self.rigid_only { ModelKind::Rigid } else { self.model },
-            Grid::new(self.grid, low_m, high_m).map_err(workspace::OrderError::from)?,
-            self.rotation_vector.unwrap_or_default(),
+            poses.grid()?,
+            poses.rotation_vector(),
             self.choose,
         )?;
         let pool = in_order::threads(self.threads.map(|n| n.get().into()))?;
@@ -213,14 +205,4 @@ fn report(
         Format::Text => write!(out, "{}", Told(order, &summary)),
         Format::Json => write_pretty(out, &summary),
     }
-}
-
-fn counts(text: &str) -> Result<[usize; 3], String> {
-    let count = |part: &str| {
-        part.trim().parse().map_err(|_| format!("'{}' is not a number of poses", part.trim()))
-    };
-    let counts = text.split(',').map(count).collect::<Result<Vec<usize>, _>>()?;
-    counts
-        .try_into()
-        .map_err(|given: Vec<_>| format!("{} numbers given, three needed", given.len()))
 }

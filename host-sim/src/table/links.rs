@@ -25,11 +25,17 @@ pub struct Seam {
     pub pose: Point,
 }
 
-/// Sets of cells.
-struct Sets(Vec<usize>);
+/// Sets of what is connected.
+pub(super) struct Sets(Vec<usize>);
 
 impl Sets {
-    fn root(&mut self, mut index: usize) -> usize {
+    /// So many things, each by itself.
+    pub(super) fn new(count: usize) -> Self {
+        Self((0..count).collect())
+    }
+
+    /// What stands for the set of this one.
+    pub(super) fn root(&mut self, mut index: usize) -> usize {
         while self.0[index] != index {
             self.0[index] = self.0[self.0[index]];
             index = self.0[index];
@@ -37,7 +43,7 @@ impl Sets {
         index
     }
 
-    fn join(&mut self, a: usize, b: usize) {
+    pub(super) fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root(a), self.root(b));
         // The lower number stands for both, in whatever order they come.
         self.0[a.max(b)] = a.min(b);
@@ -55,7 +61,7 @@ pub(super) fn connected(
     let mut cells = Vec::new();
     gather(&plan, region, &mut cells);
     let first = cells.iter().position(|(part, _)| part.contains(start))?;
-    let mut sets = Sets((0..cells.len()).collect());
+    let mut sets = Sets::new(cells.len());
     let mut seams = Vec::new();
     for (a, (part, cell)) in cells.iter().enumerate() {
         for (b, (other_part, other)) in cells.iter().enumerate().skip(a + 1) {

@@ -13,6 +13,7 @@ mod file;
 mod links;
 mod place;
 mod proof;
+mod sheets;
 mod survey;
 mod verify;
 
@@ -34,6 +35,7 @@ pub use links::Seam;
 use links::connected;
 pub use place::PoseBox;
 use proof::Prover;
+pub use sheets::{BestPose, Border, Member, Sheet, Sheets};
 use survey::Survey;
 pub use verify::{Verification, verify};
 

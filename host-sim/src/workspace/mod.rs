@@ -79,9 +79,6 @@ struct LoadRecord {
 /// Why there is no map.
 #[derive(Debug, thiserror::Error)]
 pub enum OrderError {
-    /// The grid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
     /// The search for deformable cables would have no end.
     #[error(
         "--max-tension: cable {} has no limit of tension, which a map with deformable cables needs", .0 + 1
