@@ -7,7 +7,7 @@
 #
 # The command after -- is run for each part with --shard K/N --out PLACE added (and --threads, from
 # --cpus-per-task, where it gives none); the command that merges follows from it. --sbatch, any number of times,
-# hands an option to sbatch for the array.
+# hands an option to sbatch, for the array and for the merge.
 #
 # Parts lie in FOLDER (default OUT.parts), which all nodes must see under the same path, as they must the program
 # and the folder this is started in. A part that is killed, preempted or out of time goes on where it was: Slurm
@@ -120,9 +120,10 @@ submit() {
     array=$(sbatch --parsable --requeue --job-name=cdpr-parts --array="1-$shards" "${options[@]}" \
         "$self" part "$shards" "$folder" "$@")
     array=${array%%;*} # the number of the job, without that of the cluster
+    printf 'parts: job %s\n' "$array"
     merge=$(sbatch --parsable --job-name=cdpr-merge --dependency="afterok:$array" --kill-on-invalid-dep=yes \
-        "$self" merge "$shards" "$folder" "$out" "$@")
-    printf 'parts: job %s\nmerge: job %s\n' "$array" "${merge%%;*}"
+        "${options[@]}" "$self" merge "$shards" "$folder" "$out" "$@")
+    printf 'merge: job %s\n' "${merge%%;*}"
 }
 
 case "${1:-}" in

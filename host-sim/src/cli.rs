@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::fs::File;
 use std::io::{self, IsTerminal, Write};
 use std::num::NonZeroU16;
 use std::path::{Path, PathBuf};
@@ -243,6 +244,14 @@ pub enum CliError {
     /// There is no such grid.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// The folder has another map in it.
+    #[error(
+        "--out {path}: there is a map in it that was ordered otherwise (robot, region or options); remove it, or take another folder"
+    )]
+    OtherMap {
+        /// The folder.
+        path: String,
+    },
     /// A map cannot be made of what was asked for.
     #[error(transparent)]
     Workspace(#[from] crate::workspace::OrderError),
@@ -492,19 +501,25 @@ fn write_shapes(folder: &Path, request: &Request, answer: &Enumeration) -> Resul
 /// A file that appears as a whole or not at all.
 struct WholeFile {
     path: PathBuf,
-    draft: NamedTempFile,
+    option: &'static str,
 }
 
 impl WholeFile {
     /// Makes sure that `path` can be written, and leaves what is there alone.
     fn new(path: &Path, option: &'static str) -> Result<Self, CliError> {
-        let place = |source| CliError::Place { option, path: path.display().to_string(), source };
         // Through a link, to the file that it stands for.
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        if path.exists() && !path.is_file() {
-            return Err(place(io::Error::other("it is there already, and is no file")));
+        let file = Self { path, option };
+        if file.path.exists() && !file.path.is_file() {
+            return Err(file.refuse(io::Error::other("it is there already, and is no file")));
         }
-        let folder = match path.parent() {
+        // Gone again at once: whoever is killed before there is something to write leaves nothing behind.
+        file.draft().map_err(|source| file.refuse(source))?;
+        Ok(file)
+    }
+
+    fn draft(&self) -> io::Result<NamedTempFile> {
+        let folder = match self.path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
@@ -515,13 +530,24 @@ impl WholeFile {
             // As any new file; the default is for secrets.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let draft = builder.prefix(".cdpr-").tempfile_in(folder).map_err(place)?;
-        Ok(Self { path, draft })
+        builder.prefix(".cdpr-").tempfile_in(folder)
     }
 
-    fn write(mut self, bytes: &[u8]) -> io::Result<()> {
-        self.draft.write_all(bytes)?;
-        self.draft.persist(&self.path).map_err(|error| error.error)?;
+    fn refuse(&self, source: io::Error) -> CliError {
+        let path = self.path.display().to_string();
+        CliError::Place { option: self.option, path, source }
+    }
+
+    fn write(&self, bytes: &[u8]) -> io::Result<()> {
+        self.write_with(|file| file.write_all(bytes))
+    }
+
+    /// Writes what `content` writes; it is on the disk when this returns.
+    fn write_with(&self, content: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+        let mut draft = self.draft()?;
+        content(draft.as_file_mut())?;
+        draft.as_file().sync_all()?;
+        draft.persist(&self.path).map_err(|error| error.error)?;
         Ok(())
     }
 }

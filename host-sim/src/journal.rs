@@ -200,12 +200,26 @@ impl<J: Job> Journal<J> {
         Ok(())
     }
 
-    /// All tiles in their order, when all are there.
+    /// All tiles in their order, when all are there. They are handed out once; nobody else gets the journal until
+    /// it is dropped or removed.
     ///
     /// # Errors
     /// [`JournalError::Incomplete`].
-    pub fn finish(self) -> Result<Vec<J::Tile>, JournalError> {
-        all(&self.order, self.done)
+    pub fn finish(&mut self) -> Result<Vec<J::Tile>, JournalError> {
+        all(&self.order, std::mem::take(&mut self.done))
+    }
+
+    /// Removes it, when what it was for is written.
+    ///
+    /// # Errors
+    /// [`JournalError::Io`].
+    pub fn remove(self) -> Result<(), JournalError> {
+        match std::fs::remove_file(&self.path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(JournalError::Io { path: self.path.clone(), source: error })
+            }
+            _ => Ok(()),
+        }
     }
 }
 

@@ -313,7 +313,8 @@ fn a_run_that_is_killed_goes_on_to_the_same_bytes() {
         assert!(!killed_at(&question, &part, wanted), "done before {wanted} lines");
         let after = lines_of(&part);
         assert!(after >= before && after <= TILES, "{before} lines became {after}");
-        assert!(!folder.names().contains(&"workspace.csv".to_owned()), "half a map");
+        // Neither half a map nor a draft of one.
+        assert_eq!(folder.names(), ["part-1-of-1.jsonl"]);
         killed.push(after);
     }
     assert!(killed.iter().any(|lines| (2..TILES).contains(lines)), "{killed:?}");
@@ -324,6 +325,84 @@ fn a_run_that_is_killed_goes_on_to_the_same_bytes() {
     cdpr(&question).success();
     assert!(files(&folder) == MAP.files);
     assert!(!folder.names().contains(&"part-1-of-1.jsonl".to_owned()));
+}
+
+/// However short the drums are and however light the cables, branches merge in pairs only.
+#[test]
+fn only_pairs_merge() {
+    let folder = Folder::new();
+    let out = folder.path("map");
+    let far = ["workspace", "--grid", "9,15,8", "--region=-3..9.5,-0.5..20.4,0..8", "--out", &out];
+    let mut seen = BTreeMap::<String, usize>::new();
+    for further in [
+        &["--max-length", "20", "--linear-density", "0.0005"][..],
+        &["--mass", "10", "--max-length", "30"],
+        &["--mass", "10", "--model", "elastic"],
+        &["--mass", "10", "--model", "parabolic", "--max-tension", "30"],
+    ] {
+        cdpr(&[&far[..], further].concat()).success().stderr("");
+        let csv = folder.read("map/workspace.csv");
+        for row in csv::Reader::from_reader(csv.as_slice()).deserialize() {
+            let row: Row = row.expect("a row");
+            if row["change"] == "lost_by_merging" {
+                assert_eq!(row["rigid_degree"], "0", "{further:?}: {row:?}");
+                assert!(number(&row, "rigid_solutions") >= 2.0);
+            }
+            let is_weightless = row["change"] == "lost_without_weight";
+            assert!(!is_weightless || further.contains(&"elastic"), "{row:?}");
+            *seen.entry(row["change"].clone()).or_default() += 1;
+        }
+        fs::remove_dir_all(&out).expect("the map");
+    }
+    for change in ["lost_to_limits", "lost_without_weight"] {
+        assert!(seen.contains_key(change), "{seen:?}");
+    }
+}
+
+/// At a fold two solutions are one: nothing is claimed there, and nothing is the best.
+#[test]
+fn what_is_not_decided_has_no_best() {
+    let folder = Folder::new();
+    let out = folder.path("map");
+    let pose = ["workspace", "--grid", "1,1,1", "--region=0.96733,11.3833,1.65", "--mass", "10"];
+    let further = ["--linear-density", "0.0041929924137", "--out", &out];
+    let told = stdout(&cdpr(&[&pose[..], &further].concat()).success());
+    assert!(told.contains("1 poses not decided, and in no count above"), "{told}");
+    assert!(!told.contains("asks at most"), "{told}");
+    let csv = folder.read("map/workspace.csv");
+    let row: Row = csv::Reader::from_reader(csv.as_slice()).deserialize().next().unwrap().unwrap();
+    assert_eq!((row["status"].as_str(), row["solutions"].as_str()), ("undecided", "3"));
+    assert_eq!(row["length_1_m"], "");
+}
+
+/// A map is not written over by another one, and not mixed with it.
+#[test]
+fn another_map_is_left_alone() {
+    let folder = Folder::new();
+    let out = folder.path("");
+    let map = ["workspace", "--grid", "2,2,1", "--region", "1..3,6..8,2", "--out", &out];
+    cdpr(&map).success();
+    let before = files(&folder);
+    let other = [&map[..], &["--mass", "50"]].concat();
+    assert_refused(&other, &["--out", "there is a map in it that was ordered otherwise"]);
+    let parts = folder.path("parts");
+    let mut shard = other.clone();
+    shard[6] = &parts;
+    cdpr(&[&shard[..], &["--shard", "1/1"]].concat()).success();
+    let part = folder.path("parts/part-1-of-1.jsonl");
+    assert_refused(&["workspace", "merge", "--out", &out, &part], &["ordered otherwise"]);
+    assert!(files(&folder) == before);
+    // The same again is no harm.
+    cdpr(&map).success();
+    assert!(files(&folder) == before);
+    // What cannot be of this order is found in a part.
+    let text = fs::read_to_string(&part).expect("a part");
+    for (from, to) in [("\"rigid\":1,", "\"rigid\":200,"), ("\"proven\"", "\"rigid\"")] {
+        assert!(text.contains(from), "{text}");
+        let wrong = folder.write("wrong", text.replace(from, to).as_bytes());
+        let merged = folder.path("merged");
+        assert_refused(&["workspace", "merge", "--out", &merged, &wrong], &["wrong, line 2"]);
+    }
 }
 
 #[test]

@@ -119,7 +119,9 @@ fn poses_are_lost_and_gained_as_continuation_says() {
                 gained += 1;
                 assert!(answer.branches.is_empty() && findings.solutions > 0);
             }
-            Change::Lost => panic!("not decided at {:?}", request.position_m),
+            Change::Lost | Change::LostWithoutWeight => {
+                panic!("{change:?} at {:?}", request.position_m)
+            }
         }
     }
     assert!(merged > 5 && limited > 5 && gained > 5, "{merged} {limited} {gained}");

@@ -208,7 +208,7 @@ impl Build {
         let Some(file) = file else { return Ok(()) };
         let outcome = order.assemble(journal.finish()?)?;
         file.write(&outcome.bytes).map_err(|source| unwritten(&self.out, source))?;
-        std::fs::remove_file(&place).map_err(|source| unwritten(&place, source))?;
+        journal.remove()?;
         report(out, &outcome, self.format)
     }
 }

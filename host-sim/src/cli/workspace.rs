@@ -54,7 +54,7 @@ struct Map {
     /// Cable model
     #[arg(long, value_enum, default_value_t = ModelKind::Irvine)]
     model: ModelKind,
-    /// Non-deformable cables only, the same as --model rigid: some ten times faster
+    /// Non-deformable cables only, the same as --model rigid: some thirty times faster
     #[arg(long, conflicts_with = "model")]
     rigid_only: bool,
     /// Which solution of a pose is the best: that whose numbers are kept
@@ -106,8 +106,7 @@ impl Map {
         )?;
         let pool = in_order::threads(self.threads.map(|n| n.get().into()))?;
         let shard = self.shard.unwrap_or(Shard::WHOLE);
-        std::fs::create_dir_all(&self.out).map_err(|source| misplaced(&self.out, source))?;
-        let files = self.shard.is_none().then(|| Files::new(&self.out)).transpose()?;
+        let files = Files::new(&self.out, &order)?;
         let part = self.out.join(format!("part-{shard}.jsonl"));
         let mut journal = Journal::open(&part, &order)?;
 
@@ -124,12 +123,12 @@ impl Map {
         let rate =
             format!("{poses} poses in {seconds:.1} s, {:.0} a second", poses as f64 / seconds);
 
-        let Some(files) = files else {
+        if self.shard.is_some() {
             return Ok(());
-        };
+        }
         let findings: Vec<Findings> = journal.finish()?.into_iter().flatten().collect();
-        files.write(&self.out, &order, &findings)?;
-        std::fs::remove_file(&part).map_err(|source| misplaced(&part, source))?;
+        files.write(&order, &findings)?;
+        journal.remove()?;
         report(out, &order, &findings, self.format)?;
         if self.format == Format::Text && poses > 0 {
             writeln!(out, "\n{rate}")?;
@@ -141,21 +140,17 @@ impl Map {
 impl Merge {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let (order, tiles) = journal::merge::<Order>(&self.parts)?;
-        std::fs::create_dir_all(&self.out).map_err(|source| misplaced(&self.out, source))?;
-        let files = Files::new(&self.out)?;
+        let files = Files::new(&self.out, &order)?;
         let findings: Vec<Findings> = tiles.into_iter().flatten().collect();
-        files.write(&self.out, &order, &findings)?;
+        files.write(&order, &findings)?;
         report(out, &order, &findings, self.format)?;
         Ok(out.flush()?)
     }
 }
 
-fn misplaced(path: &Path, source: io::Error) -> CliError {
-    CliError::Place { option: "--out", path: path.display().to_string(), source }
-}
-
 /// What a map is written to.
 struct Files {
+    folder: PathBuf,
     csv: WholeFile,
     parquet: WholeFile,
     json: WholeFile,
@@ -169,29 +164,39 @@ struct Document<'a> {
 }
 
 impl Files {
-    fn new(folder: &Path) -> Result<Self, CliError> {
+    /// In a folder that has no map, or one of the same order.
+    fn new(folder: &Path, order: &Order) -> Result<Self, CliError> {
+        std::fs::create_dir_all(folder).map_err(|source| misplaced(folder, source))?;
+        if Order::of_map(folder)?.is_some_and(|other| other != *order) {
+            return Err(CliError::OtherMap { path: folder.display().to_string() });
+        }
         let file = |name| WholeFile::new(&folder.join(name), "--out");
         Ok(Self {
-            csv: file("workspace.csv")?,
+            folder: folder.to_owned(),
+            csv: file(workspace::TABLE)?,
             parquet: file("workspace.parquet")?,
             json: file(workspace::DOCUMENT)?,
         })
     }
 
-    fn write(self, folder: &Path, order: &Order, findings: &[Findings]) -> Result<(), CliError> {
+    /// Writes all, the document last: where it is, the others are of the same order.
+    fn write(&self, order: &Order, findings: &[Findings]) -> Result<(), CliError> {
         let write = || {
-            let mut bytes = Vec::new();
-            workspace::csv(order, findings, &mut bytes)?;
-            self.csv.write(&bytes)?;
-            bytes.clear();
-            workspace::parquet(order, findings, &mut bytes).map_err(io::Error::other)?;
-            self.parquet.write(&bytes)?;
-            bytes.clear();
-            write_pretty(&mut bytes, &Document { order, summary: &Summary::of(findings) })?;
-            self.json.write(&bytes)
+            self.csv
+                .write_with(|file| workspace::csv(order, findings, io::BufWriter::new(file)))?;
+            self.parquet.write_with(|file| {
+                workspace::parquet(order, findings, file).map_err(io::Error::other)
+            })?;
+            let mut text = Vec::new();
+            write_pretty(&mut text, &Document { order, summary: &Summary::of(findings) })?;
+            self.json.write(&text)
         };
-        write().map_err(|source| misplaced(folder, source))
+        write().map_err(|source| misplaced(&self.folder, source))
     }
+}
+
+fn misplaced(path: &Path, source: io::Error) -> CliError {
+    CliError::Place { option: "--out", path: path.display().to_string(), source }
 }
 
 fn report(

@@ -165,22 +165,26 @@ pub fn parquet(
         .set_key_value_metadata(Some(vec![KeyValue::new("cdpr.order".to_owned(), order_json)]))
         .build();
     let mut file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties))?;
-    let rows: Vec<Pose<'_>> = order.rows(findings).collect();
-    for rows in rows.chunks(GROUP_ROWS) {
+    let mut all = order.rows(findings);
+    loop {
+        let rows: Vec<Pose<'_>> = all.by_ref().take(GROUP_ROWS).collect();
+        if rows.is_empty() {
+            break;
+        }
         let mut group = file.next_row_group()?;
         for column in &columns {
             let Some(mut writer) = group.next_column()? else { break };
             match &column.values {
                 Values::Whole(read) => {
-                    let (values, present) = present(rows, read);
+                    let (values, present) = present(&rows, read);
                     writer.typed::<Int32Type>().write_batch(&values, Some(&present), None)?;
                 }
                 Values::Real(read) => {
-                    let (values, present) = present(rows, read);
+                    let (values, present) = present(&rows, read);
                     writer.typed::<DoubleType>().write_batch(&values, Some(&present), None)?;
                 }
                 Values::Word(read) => {
-                    let (values, present) = present(rows, |pose| read(pose).map(ByteArray::from));
+                    let (values, present) = present(&rows, |pose| read(pose).map(ByteArray::from));
                     writer.typed::<ByteArrayType>().write_batch(&values, Some(&present), None)?;
                 }
             }

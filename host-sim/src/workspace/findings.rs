@@ -1,16 +1,18 @@
 //! What is known of one pose.
 
 use cdpr_core::{CABLES, GeometryFault};
+use num_traits::Bounded;
 use serde::{Deserialize, Serialize};
 
 use crate::choice::Choice;
 use crate::continuation::Solution;
 use crate::enumerate::{Enumeration, Method, ModelKind, Options, Request};
+use crate::rigid::RigidSolutions;
 use crate::robot_file::{CableLimits, RobotDescription};
 
-/// How much further than the limits a pose without a solution is searched, to tell whether it is the limits that
-/// took it: cables of kilometres are far beyond any drum, and the proof still ends.
-const BEYOND_LIMITS: f64 = 1000.0;
+/// How much higher than limits and rigid forces the tensions may be where a pose without a solution is searched, to
+/// tell whether it is the limits that took it. There is no limit of length then.
+const WIDE: f64 = 1000.0;
 
 /// How sure the count of solutions is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,12 +54,14 @@ impl Status {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
-    /// There are rigid solutions and no deformable one, even (proven) with limits a thousand times as wide: they
-    /// have merged in pairs.
+    /// There are rigid solutions whose signs add up to zero, and (proven) no deformable one of whatever length, with
+    /// tensions up to a thousand times as high as limits and rigid forces: they have merged in pairs.
     LostByMerging,
     /// There are rigid solutions, and deformable ones only beyond the limits of length or tension (proven).
     LostToLimits,
-    /// There are rigid solutions and no deformable one; which of the two it is could not be decided.
+    /// In every rigid solution a cable is slack, and the cables have no weight with which it would pull.
+    LostWithoutWeight,
+    /// There are rigid solutions and no deformable one, and none of these reasons could be shown.
     Lost,
     /// There are deformable solutions and no rigid one.
     Gained,
@@ -70,6 +74,7 @@ impl Change {
         match self {
             Self::LostByMerging => "lost_by_merging",
             Self::LostToLimits => "lost_to_limits",
+            Self::LostWithoutWeight => "lost_without_weight",
             Self::Lost => "lost",
             Self::Gained => "gained",
         }
@@ -152,6 +157,17 @@ impl Findings {
         best: None,
     };
 
+    /// Whether they can be those of a pose with this model: to be asked of what was read.
+    pub(super) fn are_sound(&self, model: ModelKind) -> bool {
+        let is_rigid = matches!(self.status, Status::Rigid | Status::RigidUndecided);
+        let has_best = self.status.is_settled() && self.solutions > 0;
+        self.rigid <= 63
+            && self.rigid_undecided <= 63
+            && (is_rigid == (model == ModelKind::Rigid)
+                || self.status == Status::AttachmentOnAnchor)
+            && self.best.is_some() == has_best
+    }
+
     /// Examines the pose of `request`; `choice` says which solution is the best.
     #[must_use]
     pub fn of(request: &Request, choice: Choice) -> Self {
@@ -159,7 +175,7 @@ impl Findings {
         let answer = match request.enumerate(options) {
             Ok(answer) => answer,
             Err(GeometryFault::AttachmentOnAnchor(_)) => return Self::NOWHERE,
-            Err(fault) => unreachable!("the order has a robot and poses: {fault}"),
+            Err(_) => return Self { status: Status::Undecided, ..Self::NOWHERE },
         };
         let status = match (request.model, answer.rigid.undecided.len()) {
             (ModelKind::Rigid, 0) => Status::Rigid,
@@ -167,7 +183,8 @@ impl Findings {
             _ if answer.is_complete() => Status::Proven,
             _ => Status::Undecided,
         };
-        let best = choice.best(&answer.solutions);
+        // Of what is not settled nothing is the best.
+        let best = choice.best(&answer.solutions).filter(|_| status.is_settled());
         Self {
             rigid: count(answer.rigid.solutions.len()),
             rigid_degree: sum(answer.rigid.degree()),
@@ -181,13 +198,13 @@ impl Findings {
     }
 }
 
-/// There are 63 slack sets, and no pose with more than a dozen solutions was ever seen.
-fn count<N: TryFrom<usize>>(number: usize) -> N {
-    N::try_from(number).unwrap_or_else(|_| panic!("{number} solutions"))
+/// Far more than there are: 63 slack sets, and a dozen solutions.
+fn count<N: TryFrom<usize> + Bounded>(number: usize) -> N {
+    N::try_from(number).unwrap_or_else(|_| N::max_value())
 }
 
-fn sum<N: TryFrom<i32>>(degree: i32) -> N {
-    N::try_from(degree).unwrap_or_else(|_| panic!("degree {degree}"))
+fn sum<N: TryFrom<i32> + Bounded>(degree: i32) -> N {
+    N::try_from(degree).unwrap_or_else(|_| N::max_value())
 }
 
 fn change(request: &Request, answer: &Enumeration, status: Status) -> Option<Change> {
@@ -197,27 +214,35 @@ fn change(request: &Request, answer: &Enumeration, status: Status) -> Option<Cha
     }
     match (rigid.solutions.is_empty(), answer.solutions.is_empty()) {
         (true, false) if rigid.undecided.is_empty() => Some(Change::Gained),
-        (false, true) if status == Status::Proven => Some(lost(request)),
+        (false, true) if status == Status::Proven => Some(lost(request, rigid)),
         _ => None,
     }
 }
 
 /// Why a pose with rigid solutions has no deformable one within the limits.
-fn lost(request: &Request) -> Change {
-    let wide = Request { robot: without_limits(&request.robot), ..request.clone() };
+fn lost(request: &Request, rigid: &RigidSolutions) -> Change {
+    let wide = Request { robot: without_limits(&request.robot, rigid), ..request.clone() };
     let options = Options { method: Method::Complete, ..Options::default() };
-    match wide.enumerate(options) {
-        Ok(answer) if !answer.solutions.is_empty() => Change::LostToLimits,
-        Ok(answer) if answer.is_complete() => Change::LostByMerging,
-        _ => Change::Lost,
+    let Ok(answer) = wide.enumerate(options) else { return Change::Lost };
+    if !answer.solutions.is_empty() {
+        return Change::LostToLimits;
     }
+    let all_are_slack = rigid.solutions.iter().all(|solution| !solution.slack.is_empty());
+    if request.model == ModelKind::Elastic {
+        return if all_are_slack { Change::LostWithoutWeight } else { Change::Lost };
+    }
+    // Else solutions are left over, so far away that the search did not see them.
+    let may_merge = rigid.degree() == 0 && rigid.undecided.is_empty();
+    if answer.is_complete() && may_merge { Change::LostByMerging } else { Change::Lost }
 }
 
-fn without_limits(robot: &RobotDescription) -> RobotDescription {
+fn without_limits(robot: &RobotDescription, rigid: &RigidSolutions) -> RobotDescription {
+    let forces = rigid.solutions.iter().flat_map(|solution| solution.forces_n);
+    let largest_n = forces.fold(0.0, f64::max);
     let mut wide = robot.clone();
     for limits in &mut wide.limits {
-        limits.max_length_m *= BEYOND_LIMITS;
-        limits.max_tension_n *= BEYOND_LIMITS;
+        limits.max_length_m = f64::INFINITY;
+        limits.max_tension_n = WIDE * limits.max_tension_n.max(largest_n);
     }
     wide
 }

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Poses of a map at most: what is known of them is held in memory, some 100 bytes a pose.
+/// Poses of a map at most: what is known of them is held in memory, some 50 bytes a pose and 200 more where there is a
+/// solution.
 pub const MOST_POSES: usize = 100_000_000;
 
 /// A regular grid of positions, both ends of each range included.

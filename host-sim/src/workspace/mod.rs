@@ -32,7 +32,9 @@ pub use summary::{Histogram, Needs, Summary, Told};
 /// Poses of a tile: some 30 ms of work.
 const TILE: usize = 64;
 
-/// File with the order and the statistics, in the folder of a map.
+/// File with a row for each pose, in the folder of a map.
+pub const TABLE: &str = "workspace.csv";
+/// File with the order and the statistics, beside it.
 pub const DOCUMENT: &str = "workspace.json";
 
 /// Version of the journal of a map, and of its files.
@@ -101,12 +103,26 @@ impl Order {
         rotation_vector_rad: [f64; 3],
         choice: Choice,
     ) -> Result<Self, OrderError> {
-        let RobotDescription { name, limits, load, .. } = robot;
+        let RobotDescription { limits, .. } = robot;
         if model != ModelKind::Rigid
             && let Some(cable) = limits.iter().position(|l| !l.max_tension_n.is_finite())
         {
             return Err(OrderError::NoTensionLimit(cable));
         }
+        let order = Self::record(robot, model, grid, rotation_vector_rad, choice);
+        order.request([0.0; 3]).pose().map_err(OrderError::Orientation)?;
+        Ok(order)
+    }
+
+    /// All numbers, whether they make an order or not.
+    fn record(
+        robot: &RobotDescription,
+        model: ModelKind,
+        grid: Grid,
+        rotation_vector_rad: [f64; 3],
+        choice: Choice,
+    ) -> Self {
+        let RobotDescription { name, limits, load, .. } = robot;
         let finite = |value: f64| value.is_finite().then_some(value);
         let cables = std::array::from_fn(|i| {
             let Cable { anchor_m, attachment_m, model: material } = &robot.robot.cables()[i];
@@ -127,10 +143,7 @@ impl Order {
             moment_nm: load.moment_nm.into(),
         };
         let robot = name.clone();
-        let order =
-            Self { format: FORMAT, robot, cables, load, grid, rotation_vector_rad, model, choice };
-        order.request([0.0; 3]).pose().map_err(OrderError::Orientation)?;
-        Ok(order)
+        Self { format: FORMAT, robot, cables, load, grid, rotation_vector_rad, model, choice }
     }
 
     /// The robot, as it was ordered.
@@ -204,10 +217,7 @@ impl Order {
     #[allow(clippy::float_cmp)] // the same is what has the same bits
     pub fn differs_from(&self, request: &Request) -> Vec<&'static str> {
         let Request { robot, rotation_vector_rad, model, .. } = request;
-        let Ok(other) = Self::new(robot, *model, self.grid, *rotation_vector_rad, self.choice)
-        else {
-            return vec!["limits"]; // a map with them cannot be ordered
-        };
+        let other = Self::record(robot, *model, self.grid, *rotation_vector_rad, self.choice);
         let cables = |is_same: fn(&CableRecord, &CableRecord) -> bool| {
             self.cables.iter().zip(&other.cables).all(|(a, b)| is_same(a, b))
         };
@@ -281,10 +291,13 @@ impl Job for Order {
         }
         self.grid.check().map_err(|fault| fault.to_string())?;
         self.described().map_err(|fault| fault.to_string())?;
+        self.request([0.0; 3]).pose().map_err(|fault| fault.to_string())?;
         Ok(())
     }
 
     fn is_sound(&self, number: usize, tile: &Vec<Findings>) -> bool {
-        number < self.tiles() && tile.len() == self.poses_of(number)
+        number < self.tiles()
+            && tile.len() == self.poses_of(number)
+            && tile.iter().all(|findings| findings.are_sound(self.model))
     }
 }

@@ -41,6 +41,8 @@ pub struct Summary {
     /// See [`Change`].
     pub lost_to_limits: usize,
     /// See [`Change`].
+    pub lost_without_weight: usize,
+    /// See [`Change`].
     pub lost: usize,
     /// See [`Change`].
     pub gained: usize,
@@ -78,6 +80,7 @@ impl Summary {
             None => {}
             Some(Change::LostByMerging) => self.lost_by_merging += 1,
             Some(Change::LostToLimits) => self.lost_to_limits += 1,
+            Some(Change::LostWithoutWeight) => self.lost_without_weight += 1,
             Some(Change::Lost) => self.lost += 1,
             Some(Change::Gained) => self.gained += 1,
         }
@@ -118,16 +121,30 @@ impl fmt::Display for Told<'_> {
         }
         shares(f, summary.poses, &summary.solutions, summary.undecided)?;
         if order.model != ModelKind::Rigid {
-            let Summary { lost_by_merging, lost_to_limits, lost, gained, .. } = summary;
-            writeln!(
-                f,
-                "  lost: {lost_by_merging} poses by merging, {lost_to_limits} to the limits, {lost} undecided which"
-            )?;
-            writeln!(f, "  gained: {gained} poses without a rigid solution")?;
+            for (count, what) in [
+                (
+                    summary.lost_by_merging,
+                    "lost by merging: rigid solutions, no deformable one at all",
+                ),
+                (
+                    summary.lost_to_limits,
+                    "lost to the limits: deformable solutions only beyond them",
+                ),
+                (
+                    summary.lost_without_weight,
+                    "lost for want of weight: cables that are slack when rigid",
+                ),
+                (summary.lost, "lost, for a reason that could not be shown"),
+                (summary.gained, "gained: deformable solutions, no rigid one"),
+            ] {
+                if count > 0 {
+                    writeln!(f, "  {count:9} poses {what}")?;
+                }
+            }
         }
         if summary.attachment_on_anchor > 0 {
             let count = summary.attachment_on_anchor;
-            writeln!(f, "  {count} poses with an attachment on its anchor, passed over")?;
+            writeln!(f, "  {count:9} poses with an attachment on its anchor, passed over")?;
         }
         let Some(needs) = &summary.needs else { return Ok(()) };
         writeln!(f, "\nThe best solution of each pose ({}) asks at most:", order.choice)?;
@@ -153,7 +170,7 @@ fn shares(
         writeln!(f, "  {solutions:3} {noun} {count:9} poses {:9.3} %", percent(*count, reached))?;
     }
     if undecided > 0 {
-        writeln!(f, "  {undecided} poses not decided")?;
+        writeln!(f, "  {undecided:9} poses not decided, and in no count above")?;
     }
     Ok(())
 }
