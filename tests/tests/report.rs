@@ -232,6 +232,31 @@ fn solutions_and_view_change_by_keyboard() {
     open.assert_quiet();
 }
 
+/// At the fold of solutions 1 and 2, where one of the two is found and not proven.
+#[test]
+fn a_solution_that_is_not_proven_is_shown_as_such() {
+    let mut request = five();
+    let overrides =
+        Overrides { linear_density_kg_m: Some(0.004_192_992_413_7), ..Overrides::default() };
+    request.robot = overrides.apply(&request.robot);
+    let open = Open::new(&html(&request, None));
+    let browser = &open.browser;
+    let said = || browser.text("document.getElementById('shown').textContent");
+    let heading = || browser.text("document.querySelector('.solution.chosen h3').textContent");
+    assert!(said().starts_with("Solution 2 of 4: longest is"), "{}", said());
+    assert!(heading().starts_with("Solution 2 ") && !heading().contains("proven"), "{}", heading());
+    browser.run("document.querySelector('input[value=\"1\"]').click()");
+    assert!(said().starts_with("Solution 1 of 4, not proven to exist: "), "{}", said());
+    assert!(heading().starts_with("Solution 1, not proven to exist"), "{}", heading());
+    let least = browser.value(LEAST_CONTRAST);
+    assert!(least[0].as_f64().unwrap() >= 4.5, "{least}");
+    open.keep_screenshot("not-proven.png");
+    browser.run("document.querySelector('input[value=all]').click()");
+    let key = browser.text("document.getElementById('key').textContent");
+    assert!(key.contains("solution 1, not proven to existsolution 2solution 3"), "{key}");
+    open.assert_quiet();
+}
+
 /// `background, ink` of the page as they are painted.
 const COLOURS: &str =
     "(() => { const s = getComputedStyle(document.body); return [s.backgroundColor, s.color]; })()";

@@ -92,7 +92,7 @@ pub fn page(
                         button #theme type="button" hidden { "Dark" }
                     }
                     p { (pose.strip_prefix(name.as_str()).unwrap_or(pose).trim_start()) br; (cables) }
-                    (tables::verdict(answer))
+                    (tables::verdict(request, answer))
                     nav aria-label="Parts of this page" {
                         a href="#robot" { "Robot" } " "
                         a href="#answer" { "Lengths and tensions" } " "
@@ -102,7 +102,7 @@ pub fn page(
                     }
                 }
                 main {
-                    (robot_section(answer))
+                    (robot_section(request, answer))
                     (tables::answer_section(request, answer, &slack))
                     (tables::proof_section(request, answer))
                     (branches_section(curves))
@@ -123,7 +123,8 @@ fn inert(data: &impl Serialize) -> String {
     text.replace('<', "\\u003c")
 }
 
-fn robot_section(answer: &Enumeration) -> Markup {
+fn robot_section(request: &Request, answer: &Enumeration) -> Markup {
+    let first = tables::first_shown(answer);
     html! {
         section #robot aria-labelledby="robot-title" {
             h2 #robot-title { "The robot" }
@@ -133,9 +134,13 @@ fn robot_section(answer: &Enumeration) -> Markup {
                     legend { "Solution" }
                     @for (number, found) in (1..).zip(&answer.solutions) {
                         label.pill {
-                            input type="radio" name="solution" value=(number) checked[number == 1];
+                            input type="radio" name="solution" value=(number) checked[number == first];
                             span {
                                 (number)
+                                @if let Some(doubt) = tables::doubt(request, found) {
+                                    b.doubt aria-hidden="true" { " ?" }
+                                    small.doubt { " " (doubt) "," }
+                                }
                                 small { " " (tables::origin(found)) }
                             }
                         }
@@ -263,6 +268,8 @@ struct Data<'a> {
 
 #[derive(Serialize)]
 struct DrawnSolution {
+    /// What is said of it where it is shown.
+    doubt: Option<&'static str>,
     cables: [DrawnCable; CABLES],
 }
 
@@ -293,7 +300,10 @@ impl<'a> Data<'a> {
                 tension: solution.tension_n(i),
                 points: shapes[i].iter().flat_map(|p| rounded(p.position_m.into())).collect(),
             };
-            solutions.push(DrawnSolution { cables: std::array::from_fn(drawn) });
+            solutions.push(DrawnSolution {
+                doubt: tables::doubt(request, found),
+                cables: std::array::from_fn(drawn),
+            });
         }
         Ok(Self {
             position: request.position_m,

@@ -346,6 +346,9 @@
     return svg;
   }
 
+  /** What is to be said of a solution wherever it is named. */
+  const doubt = (k) => (data.solutions[k].doubt ? `, ${data.solutions[k].doubt}` : "");
+
   /** The key below the picture, in words what is shown, and which tables are. */
   function describe() {
     const item = (stroke, slack, text) => {
@@ -357,7 +360,7 @@
     if (chosen === null) {
       $("shown").textContent = "No solution: the robot without its cables.";
     } else if (chosen === "all") {
-      $("key").replaceChildren(...solutions.map((_, k) => item(cableColor(k), false, `solution ${k + 1}`)),
+      $("key").replaceChildren(...solutions.map((_, k) => item(cableColor(k), false, `solution ${k + 1}${doubt(k)}`)),
         item(color("grey"), true, "slack"));
       $("shown").textContent = `All ${solutions.length} solutions over each other.`;
     } else {
@@ -366,7 +369,7 @@
         item(cableColor(i), cable.slack, `${i + 1}: ${cable.length.toFixed(3)} m${cable.slack ? ", slack" : ""}`)));
       const [long, tense] = [largest(cables, (c) => c.length), largest(cables, (c) => c.tension)];
       const slack = cables.flatMap((cable, i) => (cable.slack ? [i + 1] : []));
-      $("shown").textContent = `Solution ${chosen + 1} of ${solutions.length}: longest is cable ${long + 1}, ` +
+      $("shown").textContent = `Solution ${chosen + 1} of ${solutions.length}${doubt(chosen)}: longest is cable ${long + 1}, ` +
         `${cables[long].length.toFixed(3)} m; highest tension ${digits(cables[tense].tension, 4)} N in cable ${tense + 1}; ` +
         (slack.length ? `slack: ${slack.join(", ")}.` : "none is slack.");
     }
@@ -381,7 +384,7 @@
       describe();
       drawRobot();
     });
-    if (radio.checked && radio.value !== "1") { // kept by the browser over a reload
+    if (radio.checked) { // by the page, or kept by the browser over a reload
       chosen = radio.value === "all" ? "all" : Number(radio.value) - 1;
     }
   }
