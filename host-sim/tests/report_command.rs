@@ -138,6 +138,18 @@ fn degrees_of_cables_without_weight_need_not_agree() {
     assert!(text.contains("The degrees differ: solutions lie beyond the limits"), "{text}");
 }
 
+/// The shapes of slack cables are those of the model, which are true only for the catenary.
+#[test]
+fn shapes_that_are_schematic_are_said_to_be() {
+    let folder = Folder::new();
+    assert!(page(&folder, &[]).contains("True shapes."), "irvine");
+    for model in ["rigid", "parabolic"] {
+        let page = page(&folder, &["--model", model]);
+        assert!(page.contains("Schematic for slack cables, which"), "{model}");
+        assert!(!page.contains("True shapes"), "{model}");
+    }
+}
+
 #[test]
 fn limits_that_are_near_are_named() {
     let page = page(&Folder::new(), &["--max-length", "170"]);
@@ -219,6 +231,26 @@ fn a_map_of_the_workspace_is_shown() {
     let page = crate::page(&folder, &further);
     let said = "something else than this report: load, linear density differ.";
     assert!(page.contains(said), "another mass");
+    // A table beside the order of another grid.
+    let table = fs::read_to_string(folder.path("map/workspace.csv")).unwrap();
+    fs::copy(folder.path("map/workspace.json"), folder.path("rigid/workspace.json")).unwrap();
+    for (other, difference) in [
+        (table.replace(",10.0,", ",11.0,"), "y 11 m instead of 10 m"),
+        (
+            table
+                .lines()
+                .filter(|row| !row.starts_with("2,"))
+                .fold(String::new(), |all, row| all + row + "\n"),
+            "[2, 4, 2] poses along x, y, z instead of [3, 4, 2]",
+        ),
+    ] {
+        fs::write(folder.path("rigid/workspace.csv"), other).unwrap();
+        fs::remove_file(folder.path("page.html")).unwrap();
+        let said = refusal(&folder, &["--workspace", "rigid"]);
+        let files = "rigid/workspace.csv and rigid/workspace.json are of different runs: ";
+        assert!(said.contains(&format!("{files}{difference}")), "{said}");
+        fs::write(folder.path("page.html"), "").unwrap();
+    }
     fs::write(folder.path("map/workspace.json"), "{\n\"order\": 1}").unwrap();
     let said = refusal_of_map(&folder);
     assert!(said.contains("map/workspace.json:2: order: "), "{said}");

@@ -14,7 +14,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
 use crate::branches::{Diagram, Parameter, Range};
-use crate::enumerate::{Enumeration, Request};
+use crate::enumerate::{Enumeration, ModelKind, Request};
 use crate::output::{self, heading, plain};
 
 const STYLE: &str = include_str!("page.css");
@@ -102,7 +102,7 @@ pub fn page(
                     }
                 }
                 main {
-                    (robot_section(request, answer))
+                    (robot_section(request, answer, &slack))
                     (tables::answer_section(request, answer, &slack))
                     (tables::proof_section(request, answer))
                     (branches_section(curves))
@@ -123,7 +123,7 @@ fn inert(data: &impl Serialize) -> String {
     text.replace('<', "\\u003c")
 }
 
-fn robot_section(request: &Request, answer: &Enumeration) -> Markup {
+fn robot_section(request: &Request, answer: &Enumeration, slack: &[[bool; CABLES]]) -> Markup {
     let first = tables::first_shown(answer);
     html! {
         section #robot aria-labelledby="robot-title" {
@@ -171,11 +171,25 @@ fn robot_section(request: &Request, answer: &Enumeration) -> Markup {
             p #picture-help.note.needs-script {
                 "Drag to turn, Shift and drag to move, pinch or click and turn the wheel to zoom; with the \
                  picture in focus: arrow keys, Shift and arrow keys, + and \u{2212}, 0 to reset, F to fit all. \
-                 True shapes; cables that are slack (lowest point between their ends, over 1 % longer than the straight line) are \
+                 " (shapes(request, slack.iter().flatten().any(|is_slack| *is_slack))) " \
+                 Cables that are slack (lowest point between their ends, over 1 % longer than the straight line) are \
                  dashed, what is below the ground is thin. Slack cables can hang far below the picture: \
                  \u{201c}Fit all\u{201d} shows how far."
             }
         }
+    }
+}
+
+/// How true the shapes in the picture are.
+fn shapes(request: &Request, any_slack: bool) -> &'static str {
+    match (request.model, any_slack) {
+        (ModelKind::Rigid, true) => {
+            "Schematic for slack cables, which this model has hang straight down, across and up."
+        }
+        (ModelKind::Parabolic, true) => {
+            "Schematic for slack cables, which this model draws longer than they are."
+        }
+        _ => "True shapes.",
     }
 }
 
