@@ -436,7 +436,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Open {
-    /// The colours of a square of `size` px with its middle at (`x`, `y`) of a canvas.
+    /// The colours painted in a square of `size` px with its middle at (`x`, `y`) of a canvas.
     fn colours(&self, id: &str, x: f64, y: f64, size: u32) -> Vec<Vec<f64>> {
         let half = f64::from(size - 1) / 2.0;
         let value = self.browser.value(&format!(
@@ -445,7 +445,9 @@ impl Open {
             (y - half).floor(),
         ));
         let bytes: Vec<f64> = serde_json::from_value(value).unwrap();
-        bytes.chunks(4).map(|pixel| pixel[..3].to_vec()).collect()
+        // What is transparent is not painted.
+        let painted = bytes.chunks(4).filter(|pixel| pixel[3] == 255.0);
+        painted.map(|pixel| pixel[..3].to_vec()).collect()
     }
 
     /// The middle of a cell of [`GRID`]'s slice across z, px, and the size of the cell. The axes have 58 px on the
