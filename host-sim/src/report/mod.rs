@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::branches::{Diagram, Parameter, Range};
 use crate::enumerate::{Enumeration, ModelKind, Request};
-use crate::output::{self, heading, plain};
+use crate::output::{self, counted, heading, plain};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -232,6 +232,12 @@ fn workspace_section(request: &Request, workspace: &Slices) -> Markup {
                     "; lengths, tensions and margins of the solution that is the best: " (order.choice)
                 }
                 "."
+            }
+            @if workspace.undecided() > 0 {
+                p {
+                    "Undecided at " (counted(workspace.undecided(), "pose"))
+                    ", which are hatched: there may be more solutions than are counted, and a better one."
+                }
             }
             @match differs.as_deref() {
                 Some([]) => {}

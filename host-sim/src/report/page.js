@@ -574,7 +574,7 @@
     /** Black and white stripes; over cells smaller than those, a chequered ground, which no cell is too small for. */
     function hatch(pen, size) {
       const tile = document.createElement("canvas");
-      tile.width = tile.height = size > 8 ? 6 : 2;
+      tile.width = tile.height = size > 24 ? 12 : size > 8 ? 6 : 2;
       const stripes = tile.getContext("2d");
       for (let i = 0; i < tile.width; i++) {
         for (const [paint, x] of [["#000", i], ["#fff", (i + 1) % tile.width]]) {
@@ -600,6 +600,13 @@
       pen.strokeStyle = color("line");
       const small = Math.min(...cell);
       const at = [...cursor];
+      pen.fillStyle = hatch(pen, small);
+      for (let i = 0; i < cols && doubts.length; i++) {
+        for (let j = 0; j < rowsUp; j++) {
+          [at[h], at[v]] = [i, j];
+          if (doubts[index(at)]) pen.fillRect(...corner(i, j), ...cell);
+        }
+      }
       for (let i = 0; i < cols && small > 4; i++) {
         for (let j = 0; j < rowsUp; j++) {
           [at[h], at[v]] = [i, j];
@@ -614,13 +621,6 @@
             pen.fillStyle = "#000";
             pen.fillText(field.values[k] + 1, x + cell[0] / 2, y + cell[1] / 2);
           }
-        }
-      }
-      pen.fillStyle = hatch(pen, small);
-      for (let i = 0; i < cols && doubts.length; i++) {
-        for (let j = 0; j < rowsUp; j++) {
-          [at[h], at[v]] = [i, j];
-          if (doubts[index(at)]) pen.fillRect(...corner(i, j), ...cell);
         }
       }
       pen.strokeStyle = color("edge");

@@ -69,6 +69,9 @@ pub struct Slices {
     /// Whether what is known of a pose may not be all: signed bytes as base64,
     /// 0 where it is all, or the place in [`UNSETTLED`] from 1. Empty: it is all everywhere.
     unsettled: String,
+    /// At how many poses.
+    #[serde(skip)]
+    undecided: usize,
     /// What was asked for, if that is known.
     #[serde(skip)]
     order: Option<Order>,
@@ -281,8 +284,8 @@ impl Slices {
             };
             quantities.push(Quantity { key, name, unit, values });
         }
-        let unsettled = unsettled(&table, &rows, &at, taken.len());
-        Ok(Self { axes, missing, quantities, unsettled, order: None })
+        let (unsettled, undecided) = unsettled(&table, &rows, &at, taken.len());
+        Ok(Self { axes, missing, quantities, unsettled, undecided, order: None })
     }
 
     /// How its grid is another one than was ordered, in words.
@@ -316,6 +319,12 @@ impl Slices {
     #[must_use]
     pub fn order(&self) -> Option<&Order> {
         self.order.as_ref()
+    }
+
+    /// At how many poses it is undecided whether there are more solutions.
+    #[must_use]
+    pub fn undecided(&self) -> usize {
+        self.undecided
     }
 
     /// How many poses of the grid have no row in the file.
@@ -444,16 +453,22 @@ fn counts(
     Ok(Encoded::Count(base64_of(&values)))
 }
 
-/// Where the status says that solutions may be missing.
-fn unsettled(table: &Table<'_>, rows: &[csv::StringRecord], at: &[usize], poses: usize) -> String {
-    let Some(column) = table.column(STATUS) else { return String::new() };
+/// Where the status says that solutions may be missing, and at how many poses.
+fn unsettled(
+    table: &Table<'_>,
+    rows: &[csv::StringRecord],
+    at: &[usize],
+    poses: usize,
+) -> (String, usize) {
+    let Some(column) = table.column(STATUS) else { return Default::default() };
     let mut values = vec![0; poses];
     for (row, place) in rows.iter().zip(at) {
         let status = row[column].trim();
         let kind = (1..).zip(UNSETTLED).find(|(_, unsettled)| unsettled.name() == status);
         values[*place] = kind.map_or(0, |(number, _)| number);
     }
-    if values.iter().all(|value| *value == 0) { String::new() } else { base64_of(&values) }
+    let undecided = values.iter().filter(|value| **value != 0).count();
+    (if undecided == 0 { String::new() } else { base64_of(&values) }, undecided)
 }
 
 /// Words, numbered in the order of the alphabet.
@@ -497,14 +512,13 @@ mod tests {
 
     /// Parses rows under [`HEADER`]; cables 3 to 6 are as long as cable 1.
     fn parse(rows: &[&str]) -> Result<Slices, String> {
-        let others = |cell: &dyn Fn(usize) -> String| {
-            (3..=6).map(|i| format!(",{}", cell(i))).collect::<String>()
-        };
-        let mut text = HEADER.to_owned() + &others(&|i| format!("length_{i}_m")) + "\n";
+        let others: Vec<String> = (3..=6).map(|i| format!("length_{i}_m")).collect();
+        let mut lines = vec![format!("{HEADER},{}", others.join(","))];
         for row in rows {
-            let first = row.split(',').nth(8).unwrap_or_default().to_owned();
-            text += &format!("{row}{}\n", others(&|_| first.clone()));
+            let first = row.split(',').nth(8).unwrap_or_default();
+            lines.push(format!("{row},{}", [first; 4].join(",")));
         }
+        let text = lines.join("\n") + "\n";
         Slices::parse(&text, "w.csv").map_err(|fault| fault.to_string())
     }
 
