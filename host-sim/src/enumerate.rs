@@ -5,8 +5,8 @@ use std::fmt;
 
 use cdpr_core::elimination::Elimination;
 use cdpr_core::{
-    CABLES, CableModel, CableState, GeometryFault, IrvineCatenary, LinearElastic, NonDeformable,
-    Parabola, Pose,
+    CABLES, Cable, CableModel, CableState, GeometryFault, IrvineCatenary, LinearElastic,
+    NonDeformable, Parabola, Pose,
 };
 use nalgebra::{Matrix6, UnitQuaternion, Vector2, Vector3};
 
@@ -14,7 +14,7 @@ use crate::complete::{Kantorovich, Place, Provable, Refusal, complete, kantorovi
 use crate::continuation::{self, Branch, BranchEnd, Solution, Steps};
 use crate::problem::{FromMaterial, Problem};
 use crate::rigid::{RigidSolution, RigidSolutions, SlackSet};
-use crate::robot_file::RobotDescription;
+use crate::robot_file::{CableMaterial, RobotDescription};
 
 /// How far beside an exactly vertical cable the search looks, relative to the coordinates of the pose:
 /// about their rounding.
@@ -258,6 +258,14 @@ impl Request {
             ModelKind::Elastic => self.deformable::<LinearElastic<f64>>(options),
             ModelKind::Rigid => self.rigid(options.method),
         }
+    }
+
+    /// Whether slack cables pull on the platform: as many solutions as with rigid cables, counted by their
+    /// signs, is a theorem only then.
+    pub(crate) fn has_weight(&self) -> bool {
+        let gravity = self.robot.load.gravity_m_s2 > 0.0;
+        let heavy = |cable: &Cable<f64, CableMaterial>| cable.model.linear_density_kg_m > 0.0;
+        self.model != ModelKind::Elastic && gravity && self.robot.robot.cables().iter().all(heavy)
     }
 
     /// The problem of this request for a model made from the robot's materials.

@@ -120,8 +120,11 @@ fn lowest_m(state: &CableState<f64>, weight_n_m: f64) -> Option<f64> {
 }
 
 impl Request {
-    /// The shapes of the cables of one of the solutions of this request. The slack cables of
-    /// [`ModelKind::Rigid`] do not stretch.
+    /// The shapes of the cables of one of the solutions of this request.
+    ///
+    /// They are schematic for the slack cables of two models. Those of [`ModelKind::Rigid`] do not stretch, and go
+    /// straight down, across and up. Those of [`ModelKind::Parabolic`] are put together of parts that are each
+    /// taken for a parabola, and are longer than their rest length says.
     ///
     /// # Errors
     /// As [`Request::check`].

@@ -86,6 +86,70 @@ fn a_pose_without_solutions_is_an_answer() {
     assert!(page.contains("There is no solution within the limits, proven."));
 }
 
+/// The page about the pose of the paper, at the fold of its solutions 1 and 2, where one of the two is found and
+/// nothing is decided about them.
+fn page_at_fold(folder: &Folder) -> String {
+    let fold = ["report", "--out", "fold.html", "--position", "0.96733,11.3833,1.65"];
+    let fold = [&fold[..], &["--mass", "10", "--linear-density", "0.0041929924137"]].concat();
+    Command::new(CDPR).current_dir(folder.0.path()).args(fold).assert().success();
+    fs::read_to_string(folder.path("fold.html")).unwrap()
+}
+
+#[test]
+fn a_solution_that_is_not_proven_is_not_offered_as_one() {
+    let page = page_at_fold(&Folder::new());
+    let verdict = "3 solutions proven, 1 not proven to exist; in some places it is undecided whether \
+                   there are others.";
+    assert!(page.contains(verdict), "verdict");
+    let checked: Vec<&str> = page.split("<input ").filter(|i| i.contains(" checked>")).collect();
+    assert_eq!(checked.len(), 1);
+    assert!(checked[0].contains(r#"value="2""#), "{}", checked[0]);
+    let button = page.split(r#"name="solution" value="1""#).nth(1).unwrap();
+    let button = button.split("</label>").next().unwrap();
+    assert!(button.contains("not proven to exist"), "{button}");
+    let headings: Vec<bool> = page
+        .split("<h3>Solution ")
+        .skip(1)
+        .map(|text| text.split("</h3>").next().unwrap().contains("not proven to exist"))
+        .collect();
+    assert_eq!(headings, [true, false, false, false]);
+}
+
+#[test]
+fn nothing_found_is_not_nothing_there() {
+    let folder = Folder::new();
+    // Beside all anchors, and no search.
+    let none = ["report", "--out", "none.html", "--position", "0,0,2", "--model", "rigid"];
+    Command::new(CDPR).current_dir(folder.0.path()).args(none).assert().success();
+    let page = fs::read_to_string(folder.path("none.html")).unwrap();
+    assert!(page.contains("No solution found, and it is not proven that there is none."), "none");
+}
+
+/// A slack cable without weight exerts no force: it is not the limits that keep the degrees apart.
+#[test]
+fn degrees_of_cables_without_weight_need_not_agree() {
+    let folder = Folder::new();
+    let reason = "cables without weight exert no force when they are slack";
+    let elastic = page(&folder, &["--model", "elastic"]);
+    assert!(elastic.contains(reason) && !elastic.contains("beyond the limits"), "elastic");
+    let text = stdout(&cdpr_at_pose(&folder, &["enumerate", "--model", "elastic"]).success());
+    assert!(text.contains(reason) && !text.contains("beyond the limits"), "{text}");
+    let text = stdout(&cdpr_at_pose(&folder, &["enumerate", "--max-length", "100"]).success());
+    assert!(text.contains("The degrees differ: solutions lie beyond the limits"), "{text}");
+}
+
+/// The shapes of slack cables are those of the model, which are true only for the catenary.
+#[test]
+fn shapes_that_are_schematic_are_said_to_be() {
+    let folder = Folder::new();
+    assert!(page(&folder, &[]).contains("True shapes."), "irvine");
+    for model in ["rigid", "parabolic"] {
+        let page = page(&folder, &["--model", model]);
+        assert!(page.contains("Schematic for slack cables, which"), "{model}");
+        assert!(!page.contains("True shapes"), "{model}");
+    }
+}
+
 #[test]
 fn limits_that_are_near_are_named() {
     let page = page(&Folder::new(), &["--max-length", "170"]);
@@ -108,6 +172,10 @@ fn bad_input_is_refused_by_name() {
     let said = cdpr_at_pose(&folder, &["report", "--out", "there"]).code(2);
     let said = stderr(&said);
     assert!(said.contains("--out there: it is there already, and is no file"), "{said}");
+    let refused = cdpr_at_pose(&folder, &["report", "--out", "-"]).code(2).stdout("");
+    let said = stderr(&refused);
+    assert!(said.contains("--out -: a page is a file"), "{said}");
+    assert!(!folder.names().contains(&"-".to_owned()));
 }
 
 #[test]
@@ -163,6 +231,26 @@ fn a_map_of_the_workspace_is_shown() {
     let page = crate::page(&folder, &further);
     let said = "something else than this report: load, linear density differ.";
     assert!(page.contains(said), "another mass");
+    // A table beside the order of another grid.
+    let table = fs::read_to_string(folder.path("map/workspace.csv")).unwrap();
+    fs::copy(folder.path("map/workspace.json"), folder.path("rigid/workspace.json")).unwrap();
+    for (other, difference) in [
+        (table.replace(",10.0,", ",11.0,"), "y 11 m instead of 10 m"),
+        (
+            table
+                .lines()
+                .filter(|row| !row.starts_with("2,"))
+                .fold(String::new(), |all, row| all + row + "\n"),
+            "[2, 4, 2] poses along x, y, z instead of [3, 4, 2]",
+        ),
+    ] {
+        fs::write(folder.path("rigid/workspace.csv"), other).unwrap();
+        fs::remove_file(folder.path("page.html")).unwrap();
+        let said = refusal(&folder, &["--workspace", "rigid"]);
+        let files = "rigid/workspace.csv and rigid/workspace.json are of different runs: ";
+        assert!(said.contains(&format!("{files}{difference}")), "{said}");
+        fs::write(folder.path("page.html"), "").unwrap();
+    }
     fs::write(folder.path("map/workspace.json"), "{\n\"order\": 1}").unwrap();
     let said = refusal_of_map(&folder);
     assert!(said.contains("map/workspace.json:2: order: "), "{said}");

@@ -47,27 +47,34 @@ fn html(request: &Request, workspace: Option<&Slices>) -> String {
 
 /// A grid of 5 x 4 x 3 poses with values that tell where they are.
 static GRID: LazyLock<String> = LazyLock::new(|| {
-    let mut text = "iz,iy,ix,x_m,y_m,z_m,solutions,change,fold_margin,length_1_m,length_2_m,\
-                    anchor_tension_1_n,attachment_tension_2_n\n"
-        .to_owned();
+    let of_cables = |name: &str, unit: &str| -> Vec<String> {
+        (1..=6).map(|i| format!("{name}_{i}_{unit}")).collect()
+    };
+    let mut header: Vec<String> =
+        ["iz", "iy", "ix", "x_m", "y_m", "z_m", "solutions", "change", "fold_margin"]
+            .map(str::to_owned)
+            .into();
+    header.extend(of_cables("length", "m"));
+    header.extend(of_cables("anchor_tension", "n"));
+    header.extend(of_cables("attachment_tension", "n"));
+    let mut text = header.join(",") + "\n";
     for iz in 0..3 {
         for iy in 0..4 {
             for ix in 0..5 {
                 let (x, y, z) = (f64::from(ix), 9.0 + f64::from(iy), 1.0 + 0.5 * f64::from(iz));
                 let place = format!("{iz},{iy},{ix},{x},{y},{z}");
                 let row = if (ix + iy) % 4 == 3 {
-                    format!("{place},0,lost_by_merging,,,,,\n")
+                    format!("{place},0,lost_by_merging,{}\n", ",".repeat(18))
                 } else {
                     let number = f64::from(100 * ix + 10 * iy + iz);
                     let change = if ix == 0 { "gained" } else { "" };
-                    format!(
-                        "{place},{},{change},{},{},7,{},{}\n",
-                        1 + (ix + iz) % 3,
-                        0.001 * (number + 1.0),
-                        number + 8.125,
-                        number + 3.0,
-                        number + 1000.5,
-                    )
+                    let solutions = 1 + (ix + iz) % 3;
+                    let mut cells = vec![0.001 * (number + 1.0), number + 8.125];
+                    cells.extend([7.0; 5]); // lengths
+                    cells.extend([number + 3.0, 2.0, 2.0, 2.0, 2.0, 2.0]);
+                    cells.extend([2.0, number + 1000.5, 2.0, 2.0, 2.0, 2.0]);
+                    let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
+                    format!("{place},{solutions},{change},{}\n", cells.join(","))
                 };
                 text.push_str(&row);
             }
@@ -232,6 +239,31 @@ fn solutions_and_view_change_by_keyboard() {
     open.assert_quiet();
 }
 
+/// At the fold of solutions 1 and 2, where one of the two is found and not proven.
+#[test]
+fn a_solution_that_is_not_proven_is_shown_as_such() {
+    let mut request = five();
+    let overrides =
+        Overrides { linear_density_kg_m: Some(0.004_192_992_413_7), ..Overrides::default() };
+    request.robot = overrides.apply(&request.robot);
+    let open = Open::new(&html(&request, None));
+    let browser = &open.browser;
+    let said = || browser.text("document.getElementById('shown').textContent");
+    let heading = || browser.text("document.querySelector('.solution.chosen h3').textContent");
+    assert!(said().starts_with("Solution 2 of 4: longest is"), "{}", said());
+    assert!(heading().starts_with("Solution 2 ") && !heading().contains("proven"), "{}", heading());
+    browser.run("document.querySelector('input[value=\"1\"]').click()");
+    assert!(said().starts_with("Solution 1 of 4, not proven to exist: "), "{}", said());
+    assert!(heading().starts_with("Solution 1, not proven to exist"), "{}", heading());
+    let least = browser.value(LEAST_CONTRAST);
+    assert!(least[0].as_f64().unwrap() >= 4.5, "{least}");
+    open.keep_screenshot("not-proven.png");
+    browser.run("document.querySelector('input[value=all]').click()");
+    let key = browser.text("document.getElementById('key').textContent");
+    assert!(key.contains("solution 1, not proven to existsolution 2solution 3"), "{key}");
+    open.assert_quiet();
+}
+
 /// `background, ink` of the page as they are painted.
 const COLOURS: &str =
     "(() => { const s = getComputedStyle(document.body); return [s.backgroundColor, s.color]; })()";
@@ -390,6 +422,210 @@ fn the_workspace_is_shown_slice_by_slice() {
     );
     assert_eq!(browser.value("document.getElementById('slice').max"), "4");
     open.assert_quiet();
+}
+
+/// Red, green, blue of a CSS colour.
+fn rgb(css: &str) -> Vec<f64> {
+    let numbers = css.split(|c: char| !c.is_ascii_digit()).filter(|part| !part.is_empty());
+    numbers.take(3).map(|part| part.parse().unwrap()).collect()
+}
+
+/// Largest difference of two colours in a channel, of 255.
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+impl Open {
+    /// The colours painted in a square of `size` px with its middle at (`x`, `y`) of a canvas.
+    fn colours(&self, id: &str, x: f64, y: f64, size: u32) -> Vec<Vec<f64>> {
+        let half = f64::from(size - 1) / 2.0;
+        let value = self.browser.value(&format!(
+            "[...document.getElementById('{id}').getContext('2d').getImageData({}, {}, {size}, {size}).data]",
+            (x - half).floor(),
+            (y - half).floor(),
+        ));
+        let bytes: Vec<f64> = serde_json::from_value(value).unwrap();
+        // What is transparent is not painted.
+        let painted = bytes.chunks(4).filter(|pixel| pixel[3] > 254.5);
+        painted.map(|pixel| pixel[..3].to_vec()).collect()
+    }
+
+    /// The middle of a cell of [`GRID`]'s slice across z, px, and the size of the cell. The axes have 58 px on the
+    /// left and 44 px below; there are 12 px on the right and above.
+    fn cell(&self, ix: u32, iy: u32) -> ([f64; 2], [f64; 2]) {
+        let size = self.browser.value(
+            "(() => { const c = document.getElementById('slices'); return [c.clientWidth, c.clientHeight]; })()",
+        );
+        let [width, height] = [0, 1].map(|k| size[k].as_f64().unwrap());
+        let [across, upright] = [(width - 58.0 - 12.0) / 5.0, (height - 44.0 - 12.0) / 4.0];
+        let x = 58.0 + (f64::from(ix) + 0.5) * across;
+        let y = height - 44.0 - (f64::from(iy) + 0.5) * upright;
+        ([x, y], [across, upright])
+    }
+
+    fn choose_quantity(&self, name: &str) {
+        self.browser.run(&format!(
+            "const q = document.getElementById('quantity'); \
+             q.selectedIndex = [...q.options].findIndex(o => o.text === '{name}'); \
+             q.dispatchEvent(new Event('change'))"
+        ));
+    }
+}
+
+/// Each cell has the colour that the legend gives its value: of two that differ in x and y, and whose mirror images
+/// have other values.
+#[test]
+fn a_cell_has_the_colour_of_its_value() {
+    let open = Open::new(&with_grid());
+    // The counts have a box each: 1 + (1 + 1) % 3 solutions at (1, 0), and 1 + (4 + 1) % 3 at (4, 1).
+    let boxes = open.browser.value(
+        "[...document.querySelectorAll('#legend > span')].map(e => [e.textContent, e.firstChild.style.background])",
+    );
+    for (ix, iy, solutions) in [(1, 0, "3"), (0, 1, "2"), (3, 2, "2")] {
+        let entry = boxes.as_array().unwrap().iter().find(|entry| entry[0] == solutions).unwrap();
+        let ([x, y], _) = open.cell(ix, iy);
+        let painted = &open.colours("slices", x, y, 1)[0];
+        assert!(apart(painted, &rgb(entry[1].as_str().unwrap())) <= 1.0, "{ix} {iy}: {painted:?}");
+    }
+    open.choose_quantity("longest rest length");
+    let legend = open.browser.text("document.getElementById('legend').textContent");
+    assert!(legend.contains("8.125 m") && legend.contains("430.1 m (logarithmic)"), "{legend}");
+    let ramp = open.browser.text("document.querySelector('#legend .ramp').style.background");
+    let stops: Vec<Vec<f64>> = ramp.split("rgb(").skip(1).map(rgb).collect();
+    assert!(stops.len() > 10, "{ramp}");
+    for (ix, iy) in [(1, 0), (3, 2), (0, 1)] {
+        let value: f64 = f64::from(100 * ix + 10 * iy + 1) + 8.125; // in the slice z = 1.5 m
+        let place = (value / 8.125).ln() / (430.125_f64 / 8.125).ln() * (stops.len() - 1) as f64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 20
+        let below = place.floor() as usize;
+        let share = place - place.floor();
+        let mix = stops[below].iter().zip(&stops[below + 1]).map(|(a, b)| a + share * (b - a));
+        let expected: Vec<f64> = mix.collect();
+        let ([x, y], _) = open.cell(ix, iy);
+        let painted = &open.colours("slices", x, y, 1)[0];
+        assert!(apart(painted, &expected) <= 2.0, "{ix} {iy}: {painted:?} {expected:?}");
+    }
+}
+
+/// Poses where solutions may be missing are hatched whatever is shown, and their readout says so.
+#[test]
+fn undecided_poses_can_be_seen() {
+    let (header, rows) = GRID.split_once('\n').unwrap();
+    let status = |row: &str| match row {
+        _ if row.starts_with("1,2,3,") => "undecided",
+        _ if row.starts_with("1,2,1,") => "rigid_undecided", // no solution found
+        _ => "proven",
+    };
+    let rows = rows.lines().map(|row| format!("{row},{}\n", status(row)));
+    let grid = rows.fold(format!("{header},status\n"), |all, row| all + &row);
+    let open = Open::new(&html(&five(), Some(&Slices::parse(&grid, "grid.csv").unwrap())));
+    let browser = &open.browser;
+    open.show("workspace");
+    browser.run("document.getElementById('slices').focus({preventScroll: true})");
+    // Black and white pixels of a cell, away from its edges and from what is in its middle.
+    let stripes = |ix, iy| {
+        let ([x, y], [across, upright]) = open.cell(ix, iy);
+        let pixels = open.colours("slices", x + across / 4.0, y + upright / 4.0, 12);
+        let all = |value: f64| {
+            pixels.iter().filter(|p| p.iter().all(|c| (c - value).abs() < 0.5)).count()
+        };
+        (all(0.0), all(255.0))
+    };
+    for name in
+        ["number of solutions", "longest rest length", "change against rigid cables", "status"]
+    {
+        open.choose_quantity(name);
+        for (ix, iy) in [(3, 2), (1, 2)] {
+            let (black, white) = stripes(ix, iy);
+            assert!(black > 10 && white > 10, "{name}: {black} {white}");
+        }
+        assert_eq!(stripes(2, 2).0, 0, "{name}");
+        let legend = browser.text("document.getElementById('undecided').textContent");
+        assert_eq!(legend, "undecided: there may be more solutions");
+    }
+    let section = browser.text("document.getElementById('workspace').textContent");
+    assert!(section.contains("Undecided at 2 poses"), "{section}");
+    open.keep_screenshot("workspace-undecided.png");
+    let said = |name: &str| {
+        browser.text(&format!(
+            "[...document.querySelectorAll('#readout dt')].find(t => t.textContent === '{name}').nextSibling.textContent"
+        ))
+    };
+    // The cursor is at ix 1, iy 2.
+    assert_eq!(said("number of solutions"), "at least 0");
+    assert_eq!(said("longest rest length"), "undecided");
+    browser.press(&[key::RIGHT]);
+    assert_eq!(said("number of solutions"), "1");
+    browser.press(&[key::RIGHT]);
+    assert_eq!(said("number of solutions"), "at least 2");
+    assert_eq!(said("longest rest length"), "329.125 m, of those found");
+    assert_eq!(said("change against rigid cables"), "undecided");
+    // All decided: nothing about it.
+    let open = Open::new(&with_grid());
+    assert_eq!(open.browser.value("document.getElementById('undecided')"), Value::Null);
+}
+
+/// From above, a cable is painted where the projection from a point says, which two anchors determine: a picture
+/// that is mirrored or otherwise wrong does not fit the other anchors, or has no cable there.
+#[test]
+fn cables_are_painted_where_they_are() {
+    let request = five();
+    let open = Open::new(&html(&request, None));
+    let browser = &open.browser;
+    browser.run(
+        "window.dots = []; const arc = CanvasRenderingContext2D.prototype.arc; \
+         CanvasRenderingContext2D.prototype.arc = function (x, y, ...more) { \
+           dots.push([x, y]); return arc.call(this, x, y, ...more); }; \
+         document.querySelector('[data-view=top]').click()",
+    );
+    let dots: Vec<[f64; 2]> = serde_json::from_value(browser.value("window.dots")).unwrap();
+    let pose = request.pose().unwrap();
+    let cables = request.robot.robot.cables();
+    let anchors: Vec<[f64; 3]> = cables.iter().map(|cable| cable.anchor_m.into()).collect();
+    let ends: Vec<[f64; 3]> = cables
+        .iter()
+        .map(|cable| (pose.position_m() + pose.turn(&cable.attachment_m)).into())
+        .collect();
+    assert_eq!(dots.len(), anchors.len() + ends.len());
+    let size = browser.value("[picture.clientWidth, picture.clientHeight]");
+    let [width, height] = [0, 1].map(|k| size[k].as_f64().unwrap());
+    // The field of view is 0.8 rad; x to the right, y upwards.
+    let scale = width.min(height) / 2.0 / 0.4_f64.tan();
+    let seen = |dot: [f64; 2]| [(dot[0] - width / 2.0) / scale, (height / 2.0 - dot[1]) / scale];
+    let far = (1..6).max_by(|i, k| {
+        let across = |i: usize| (anchors[i][0] - anchors[0][0]).abs();
+        across(*i).total_cmp(&across(*k))
+    });
+    let (a, b) = (0, far.unwrap());
+    let (sa, sb) = (seen(dots[a]), seen(dots[b]));
+    // s (eye_z - z) = x - eye_x, at both.
+    let eye_z = (anchors[a][0] - anchors[b][0] + sa[0] * anchors[a][2] - sb[0] * anchors[b][2])
+        / (sa[0] - sb[0]);
+    let eye = [0, 1].map(|k| anchors[a][k] - sa[k] * (eye_z - anchors[a][2]));
+    assert!(anchors.iter().all(|anchor| anchor[2] < eye_z), "from below: {eye_z}");
+    let place = |p: [f64; 3]| {
+        let at = [0, 1].map(|k| scale * (p[k] - eye[k]) / (eye_z - p[2]));
+        [width / 2.0 + at[0], height / 2.0 - at[1]]
+    };
+    for (p, dot) in anchors.iter().chain(&ends).zip(&dots) {
+        let expected = place(*p);
+        let off = (expected[0] - dot[0]).hypot(expected[1] - dot[1]);
+        assert!(off < 0.5, "{p:?}: {dot:?} instead of {expected:?}");
+    }
+    // Half way from anchor to platform the colour of the key; of the cables that are nearly straight.
+    let colours = browser
+        .value("[...document.querySelectorAll('#key line')].map(e => getComputedStyle(e).stroke)");
+    let slack = request.slack(&answer(&request).solutions[0].solution).unwrap();
+    for i in (0..6).filter(|i| !slack[*i]) {
+        let (from, to) = (place(anchors[i]), place(ends[i]));
+        let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+        let [x, y] = [0, 1].map(|k| from[k] + 0.5 * (to[k] - from[k]));
+        let expected = rgb(colours[i].as_str().unwrap());
+        let painted = open.colours("picture", x, y, 3);
+        let least = painted.iter().map(|pixel| apart(pixel, &expected)).fold(255.0, f64::min);
+        assert!(least < 24.0, "cable {}: {painted:?}, not {expected:?} ({length} px)", i + 1);
+    }
+    open.keep_screenshot("top.png");
 }
 
 #[test]

@@ -14,6 +14,8 @@ use crate::report::{self, Curves, Slices};
 /// From a tenth of the value at the pose to twice that, so that it is in the picture.
 const DEFAULT_RANGE: (f64, f64) = (0.1, 2.0);
 
+const OUT: &str = "--out";
+
 #[derive(Debug, Args)]
 pub(super) struct Report {
     #[command(flatten)]
@@ -37,10 +39,15 @@ pub(super) struct Report {
 
 impl Report {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+        if self.out.as_os_str() == "-" {
+            let source =
+                std::io::Error::other("a page is a file; it is not written to the terminal");
+            return Err(CliError::Place { option: OUT, path: "-".to_owned(), source });
+        }
         let request = self.question.request()?;
         let (parameter, range) = self.range(&request)?;
         let workspace = self.workspace.as_deref().map(Slices::read).transpose()?;
-        let page = WholeFile::new(&self.out, "--out")?;
+        let page = WholeFile::new(&self.out, OUT)?;
         let answer = request.enumerate(Options { kantorovich: true, ..Options::default() })?;
         let curves = Curves::trace(&request, parameter, range);
         let html = report::page(&request, &answer, &curves, workspace.as_ref())?;

@@ -10,4 +10,4 @@ mod text;
 
 pub use json::json;
 pub use text::text;
-pub(crate) use text::{counted, heading, plain, sign, significant};
+pub(crate) use text::{counted, heading, plain, sign, significant, why_degrees_differ};

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use crate::enumerate::Request;
 use crate::shape::{ShapePoint, Shapes};
 
-/// The points of all cables, a row each.
+/// The points of all cables, a row each; schematic for slack cables of some models ([`Request::shapes`]).
 ///
 /// # Errors
 /// [`csv::Error`], which a table in memory never meets.
@@ -24,7 +24,8 @@ pub fn csv(shapes: &Shapes) -> Result<Vec<u8>, csv::Error> {
 
 /// A `.vtp` file: a polyline for each cable and a polygon for the platform, whose corners are the attachments
 /// in their order around its z axis. Points have `tension_n` and `s_m` (rest length from the anchor), cells
-/// `cable` (from 1; 0 is the platform) and `rest_length_m`.
+/// `cable` (from 1; 0 is the platform) and `rest_length_m`. Schematic for slack cables of some models
+/// ([`Request::shapes`]).
 #[must_use]
 pub fn vtp(request: &Request, shapes: &Shapes) -> String {
     let points: Vec<&ShapePoint> = shapes.iter().flatten().collect();

@@ -54,17 +54,24 @@ pub fn text(request: &Request, answer: &Enumeration) -> String {
         let _ = writeln!(out, "  {difference}");
     }
     if answer.degree() != answer.rigid.degree() {
-        let reason = if answer.is_complete() {
-            "solutions lie beyond the limits"
-        } else {
-            "not every branch has given a solution"
-        };
+        let reason = why_degrees_differ(request, answer);
         let _ = writeln!(out, "  The degrees differ: {reason}");
     }
     for (number, found) in answer.solutions.iter().enumerate() {
         let _ = write!(out, "\n{}", solution_text(number + 1, found));
     }
     out
+}
+
+/// The reason for degrees that differ from those of rigid cables.
+pub(crate) fn why_degrees_differ(request: &Request, answer: &Enumeration) -> &'static str {
+    if !request.has_weight() {
+        "cables without weight exert no force when they are slack, so the degrees need not agree"
+    } else if answer.is_complete() {
+        "solutions lie beyond the limits"
+    } else {
+        "solutions lie beyond the limits, or are missing"
+    }
 }
 
 fn search_text(search: &SearchReport, answer: &Enumeration) -> String {

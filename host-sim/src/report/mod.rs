@@ -14,8 +14,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
 use crate::branches::{Diagram, Parameter, Range};
-use crate::enumerate::{Enumeration, Request};
-use crate::output::{self, heading, plain};
+use crate::enumerate::{Enumeration, ModelKind, Request};
+use crate::output::{self, counted, heading, plain};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -92,7 +92,7 @@ pub fn page(
                         button #theme type="button" hidden { "Dark" }
                     }
                     p { (pose.strip_prefix(name.as_str()).unwrap_or(pose).trim_start()) br; (cables) }
-                    (tables::verdict(answer))
+                    (tables::verdict(request, answer))
                     nav aria-label="Parts of this page" {
                         a href="#robot" { "Robot" } " "
                         a href="#answer" { "Lengths and tensions" } " "
@@ -102,7 +102,7 @@ pub fn page(
                     }
                 }
                 main {
-                    (robot_section(answer))
+                    (robot_section(request, answer, &slack))
                     (tables::answer_section(request, answer, &slack))
                     (tables::proof_section(request, answer))
                     (branches_section(curves))
@@ -123,7 +123,8 @@ fn inert(data: &impl Serialize) -> String {
     text.replace('<', "\\u003c")
 }
 
-fn robot_section(answer: &Enumeration) -> Markup {
+fn robot_section(request: &Request, answer: &Enumeration, slack: &[[bool; CABLES]]) -> Markup {
+    let first = tables::first_shown(answer);
     html! {
         section #robot aria-labelledby="robot-title" {
             h2 #robot-title { "The robot" }
@@ -133,9 +134,13 @@ fn robot_section(answer: &Enumeration) -> Markup {
                     legend { "Solution" }
                     @for (number, found) in (1..).zip(&answer.solutions) {
                         label.pill {
-                            input type="radio" name="solution" value=(number) checked[number == 1];
+                            input type="radio" name="solution" value=(number) checked[number == first];
                             span {
                                 (number)
+                                @if let Some(doubt) = tables::doubt(request, found) {
+                                    b.doubt aria-hidden="true" { " ?" }
+                                    small.doubt { " " (doubt) "," }
+                                }
                                 small { " " (tables::origin(found)) }
                             }
                         }
@@ -166,11 +171,25 @@ fn robot_section(answer: &Enumeration) -> Markup {
             p #picture-help.note.needs-script {
                 "Drag to turn, Shift and drag to move, pinch or click and turn the wheel to zoom; with the \
                  picture in focus: arrow keys, Shift and arrow keys, + and \u{2212}, 0 to reset, F to fit all. \
-                 True shapes; cables that are slack (lowest point between their ends, over 1 % longer than the straight line) are \
+                 " (shapes(request, slack.iter().flatten().any(|is_slack| *is_slack))) " \
+                 Cables that are slack (lowest point between their ends, over 1 % longer than the straight line) are \
                  dashed, what is below the ground is thin. Slack cables can hang far below the picture: \
                  \u{201c}Fit all\u{201d} shows how far."
             }
         }
+    }
+}
+
+/// How true the shapes in the picture are.
+fn shapes(request: &Request, any_slack: bool) -> &'static str {
+    match (request.model, any_slack) {
+        (ModelKind::Rigid, true) => {
+            "Schematic for slack cables, which this model has hang straight down, across and up."
+        }
+        (ModelKind::Parabolic, true) => {
+            "Schematic for slack cables, which this model draws longer than they are."
+        }
+        _ => "True shapes.",
     }
 }
 
@@ -213,6 +232,12 @@ fn workspace_section(request: &Request, workspace: &Slices) -> Markup {
                     "; lengths, tensions and margins of the solution that is the best: " (order.choice)
                 }
                 "."
+            }
+            @if workspace.undecided() > 0 {
+                p {
+                    "Undecided at " (counted(workspace.undecided(), "pose"))
+                    ", which are hatched: there may be more solutions than are counted, and a better one."
+                }
             }
             @match differs.as_deref() {
                 Some([]) => {}
@@ -263,6 +288,8 @@ struct Data<'a> {
 
 #[derive(Serialize)]
 struct DrawnSolution {
+    /// What is said of it where it is shown.
+    doubt: Option<&'static str>,
     cables: [DrawnCable; CABLES],
 }
 
@@ -293,7 +320,10 @@ impl<'a> Data<'a> {
                 tension: solution.tension_n(i),
                 points: shapes[i].iter().flat_map(|p| rounded(p.position_m.into())).collect(),
             };
-            solutions.push(DrawnSolution { cables: std::array::from_fn(drawn) });
+            solutions.push(DrawnSolution {
+                doubt: tables::doubt(request, found),
+                cables: std::array::from_fn(drawn),
+            });
         }
         Ok(Self {
             position: request.position_m,

@@ -346,6 +346,9 @@
     return svg;
   }
 
+  /** What is to be said of a solution wherever it is named. */
+  const doubt = (k) => (data.solutions[k].doubt ? `, ${data.solutions[k].doubt}` : "");
+
   /** The key below the picture, in words what is shown, and which tables are. */
   function describe() {
     const item = (stroke, slack, text) => {
@@ -357,7 +360,7 @@
     if (chosen === null) {
       $("shown").textContent = "No solution: the robot without its cables.";
     } else if (chosen === "all") {
-      $("key").replaceChildren(...solutions.map((_, k) => item(cableColor(k), false, `solution ${k + 1}`)),
+      $("key").replaceChildren(...solutions.map((_, k) => item(cableColor(k), false, `solution ${k + 1}${doubt(k)}`)),
         item(color("grey"), true, "slack"));
       $("shown").textContent = `All ${solutions.length} solutions over each other.`;
     } else {
@@ -366,7 +369,7 @@
         item(cableColor(i), cable.slack, `${i + 1}: ${cable.length.toFixed(3)} m${cable.slack ? ", slack" : ""}`)));
       const [long, tense] = [largest(cables, (c) => c.length), largest(cables, (c) => c.tension)];
       const slack = cables.flatMap((cable, i) => (cable.slack ? [i + 1] : []));
-      $("shown").textContent = `Solution ${chosen + 1} of ${solutions.length}: longest is cable ${long + 1}, ` +
+      $("shown").textContent = `Solution ${chosen + 1} of ${solutions.length}${doubt(chosen)}: longest is cable ${long + 1}, ` +
         `${cables[long].length.toFixed(3)} m; highest tension ${digits(cables[tense].tension, 4)} N in cable ${tense + 1}; ` +
         (slack.length ? `slack: ${slack.join(", ")}.` : "none is slack.");
     }
@@ -381,7 +384,7 @@
       describe();
       drawRobot();
     });
-    if (radio.checked && radio.value !== "1") { // kept by the browser over a reload
+    if (radio.checked) { // by the page, or kept by the browser over a reload
       chosen = radio.value === "all" ? "all" : Number(radio.value) - 1;
     }
   }
@@ -487,10 +490,12 @@
   /* Words differ by colour and by a number. */
   const WORDS = ["#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00", "#0072b2"].map(parsed);
 
-  function workspace({ axes: grid, quantities }) {
+  function workspace({ axes: grid, quantities, unsettled }) {
     const canvas = $("slices");
     const [nx, ny] = grid.map((axis) => axis.length);
     const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+    /* How a pose is undecided, if it is: 1 for the cable model, 2 for rigid cables. */
+    const doubts = new Int8Array(bytes(unsettled));
     const fields = quantities.map(({ key, name, unit, kind, data: encoded }) => {
       const isNumber = kind === "number";
       const raw = kind === "name" ? encoded.bytes : encoded;
@@ -505,9 +510,15 @@
       const names = kind === "name" ? encoded.names : null;
       const paint = (v) => (names ? WORDS[v % WORDS.length] : viridis(share(v)));
       const none = key === "change" ? "none" : "no value";
-      const text = (k) => {
+      const known = (k) => {
         if (!has(k)) return none;
         return names ? names[values[k]] : digits(values[k]) + (unit ? " " + unit : "");
+      };
+      const text = (k) => {
+        const isAboutRigid = key.startsWith("rigid_");
+        if (!doubts[k] || key === "status" || (isAboutRigid && doubts[k] !== 2)) return known(k);
+        if (!has(k)) return "undecided";
+        return key.endsWith("solutions") ? `at least ${known(k)}` : names ? known(k) : `${known(k)}, of those found`;
       };
       return { key, name, unit, values, has, low, high, isLog, names, paint, none, text };
     });
@@ -560,6 +571,20 @@
       return slice.canvas;
     }
 
+    /** Black and white stripes; over cells smaller than those, a chequered ground, which no cell is too small for. */
+    function hatch(pen, size) {
+      const tile = document.createElement("canvas");
+      tile.width = tile.height = size > 24 ? 12 : size > 8 ? 6 : 2;
+      const stripes = tile.getContext("2d");
+      for (let i = 0; i < tile.width; i++) {
+        for (const [paint, x] of [["#000", i], ["#fff", (i + 1) % tile.width]]) {
+          stripes.fillStyle = paint;
+          stripes.fillRect(x, i, 1, 1);
+        }
+      }
+      return pen.createPattern(tile, "repeat");
+    }
+
     function draw() {
       layout();
       const { pen } = prepare(canvas);
@@ -575,6 +600,13 @@
       pen.strokeStyle = color("line");
       const small = Math.min(...cell);
       const at = [...cursor];
+      pen.fillStyle = hatch(pen, small);
+      for (let i = 0; i < cols && doubts.length; i++) {
+        for (let j = 0; j < rowsUp; j++) {
+          [at[h], at[v]] = [i, j];
+          if (doubts[index(at)]) pen.fillRect(...corner(i, j), ...cell);
+        }
+      }
       for (let i = 0; i < cols && small > 4; i++) {
         for (let j = 0; j < rowsUp; j++) {
           [at[h], at[v]] = [i, j];
@@ -682,6 +714,12 @@
       }
       const isPartial = field.values.some((_, k) => !field.has(k));
       if (isPartial) entries.push(box(null, field.none));
+      if (doubts.length) {
+        const entry = box("repeating-linear-gradient(45deg, #000 0 1px, #fff 1px 2px, transparent 2px 5px)",
+          "undecided: there may be more solutions");
+        entry.id = "undecided";
+        entries.push(entry);
+      }
       const title = document.createElement("strong");
       title.textContent = field.name;
       $("legend").replaceChildren(title, ...entries);

@@ -8,10 +8,14 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Serialize;
 
 use crate::input_file::{self, InputFileError};
-use crate::workspace::Order;
+use crate::workspace::{self, Grid, Order, Status};
 
 /// The file in the folder.
 const FILE: &str = "workspace.csv";
+/// The column that says how sure a row is.
+const STATUS: &str = "status";
+/// With these there may be solutions that are not counted; the page knows them by their place, from 1.
+const UNSETTLED: [Status; 2] = [Status::Undecided, Status::RigidUndecided];
 /// A page is at most about this large, bytes.
 const LARGEST_PAGE: usize = 20_000_000;
 /// What the page has besides, bytes.
@@ -29,6 +33,16 @@ pub enum SlicesError {
     /// The file is not what `cdpr workspace` writes.
     #[error(transparent)]
     File(#[from] InputFileError),
+    /// The table and the order beside it have different grids.
+    #[error("{path} and {document} are of different runs: {difference}")]
+    OtherRun {
+        /// The table.
+        path: String,
+        /// The file with the order.
+        document: String,
+        /// How the first differs from the second.
+        difference: String,
+    },
     /// The page would be too large.
     #[error(
         "{path}: {poses} poses would make the page larger than {} MB; it can show {most} of them, so take a coarser grid",
@@ -52,6 +66,12 @@ pub struct Slices {
     /// Poses without a row.
     missing: usize,
     quantities: Vec<Quantity>,
+    /// Whether what is known of a pose may not be all: signed bytes as base64,
+    /// 0 where it is all, or the place in [`UNSETTLED`] from 1. Empty: it is all everywhere.
+    unsettled: String,
+    /// At how many poses.
+    #[serde(skip)]
+    undecided: usize,
     /// What was asked for, if that is known.
     #[serde(skip)]
     order: Option<Order>,
@@ -111,7 +131,7 @@ fn wanted() -> Vec<Wanted> {
         row("length_margin", "margin to the limit of length", "m", one("length_margin_m")),
         row("tension_margin", "margin to the limit of tension", "N", one("tension_margin_n")),
         row("change", "change against rigid cables", "", Source::Name("change")),
-        row("status", "status", "", Source::Name("status")),
+        row(STATUS, "status", "", Source::Name(STATUS)),
         row("degree", "degree", "", Source::Count("degree")),
         row("rigid_solutions", "solutions with rigid cables", "", Source::Count("rigid_solutions")),
         row("rigid_degree", "degree with rigid cables", "", Source::Count("rigid_degree")),
@@ -136,6 +156,19 @@ impl Table<'_> {
 
     fn column(&self, name: &str) -> Option<usize> {
         self.header.iter().position(|column| column.trim() == name)
+    }
+
+    /// Where these columns are; nowhere, if there is none of them.
+    fn all_or_none(&self, names: &[&str]) -> Result<Vec<usize>, InputFileError> {
+        let found: Vec<usize> = names.iter().filter_map(|name| self.column(name)).collect();
+        let missing = names.iter().find(|name| self.column(name).is_none());
+        match missing {
+            Some(missing) if !found.is_empty() => {
+                let message = "there is no such column, but others of the same quantity";
+                Err(self.refuse(1, missing, message))
+            }
+            _ => Ok(found),
+        }
     }
 
     fn needed(&self, name: &str) -> Result<usize, InputFileError> {
@@ -184,7 +217,14 @@ impl Slices {
     /// [`SlicesError`], naming file, line and column.
     pub fn read(folder: &Path) -> Result<Self, SlicesError> {
         let (text, path) = input_file::read(&folder.join(FILE))?;
-        Ok(Self { order: Order::of_map(folder)?, ..Self::parse(&text, &path)? })
+        let slices = Self::parse(&text, &path)?;
+        let order = Order::of_map(folder)?;
+        if let Some(difference) = order.as_ref().and_then(|order| slices.differs_from(&order.grid))
+        {
+            let document = folder.join(workspace::DOCUMENT).display().to_string();
+            return Err(SlicesError::OtherRun { path, document, difference });
+        }
+        Ok(Self { order, ..slices })
     }
 
     /// The same from the text of the file; `path` is only for messages.
@@ -203,8 +243,7 @@ impl Slices {
                 Source::Largest(names) => names.iter().map(String::as_str).collect(),
                 Source::Count(name) | Source::Name(name) => vec![name],
             };
-            let columns: Vec<usize> =
-                names.into_iter().filter_map(|name| table.column(name)).collect();
+            let columns = table.all_or_none(&names)?;
             let filled = |row: &csv::StringRecord| {
                 columns.iter().any(|&c| row.get(c).is_some_and(|cell| !cell.trim().is_empty()))
             };
@@ -218,7 +257,8 @@ impl Slices {
         let pose_bytes: usize = shown
             .iter()
             .map(|(wanted, _)| if matches!(wanted.source, Source::Largest(_)) { 4 } else { 1 })
-            .sum();
+            .sum::<usize>()
+            + usize::from(table.column(STATUS).is_some()); // for what is unsettled
         let most = (LARGEST_PAGE - BESIDES) * BASE64.1 / BASE64.0 / pose_bytes;
         if poses > most as u64 {
             return Err(SlicesError::TooLarge { path: path.to_owned(), poses, most });
@@ -244,7 +284,29 @@ impl Slices {
             };
             quantities.push(Quantity { key, name, unit, values });
         }
-        Ok(Self { axes, missing, quantities, order: None })
+        let (unsettled, undecided) = unsettled(&table, &rows, &at, taken.len());
+        Ok(Self { axes, missing, quantities, unsettled, undecided, order: None })
+    }
+
+    /// How its grid is another one than was ordered, in words.
+    fn differs_from(&self, ordered: &Grid) -> Option<String> {
+        let (found, counts) = (self.counts(), ordered.counts());
+        if found != counts {
+            return Some(format!("{found:?} poses along x, y, z instead of {counts:?}"));
+        }
+        (0..3).find_map(|axis| {
+            let expected = (0..counts[axis]).map(|k| {
+                let mut number = k; // of the pose on this axis of the grid
+                number *= counts[..axis].iter().product::<usize>();
+                ordered.position_m(number)[axis]
+            });
+            let size_m = ordered.low_m()[axis].abs().max(ordered.high_m()[axis].abs());
+            let name = ["x", "y", "z"][axis];
+            expected.zip(&self.axes[axis]).find_map(|(expected, found)| {
+                let is_other = (expected - found).abs() > SAME * size_m;
+                is_other.then(|| format!("{name} {found} m instead of {expected} m"))
+            })
+        })
     }
 
     /// How many poses the grid has along x, y, z.
@@ -257,6 +319,12 @@ impl Slices {
     #[must_use]
     pub fn order(&self) -> Option<&Order> {
         self.order.as_ref()
+    }
+
+    /// At how many poses it is undecided whether there are more solutions.
+    #[must_use]
+    pub fn undecided(&self) -> usize {
+        self.undecided
     }
 
     /// How many poses of the grid have no row in the file.
@@ -344,13 +412,22 @@ fn numbers(
 ) -> Result<Encoded, InputFileError> {
     let mut values = vec![f32::NAN; poses];
     for (row, place) in rows.iter().zip(at) {
-        for &column in columns {
-            if let Some(value) = table.number(row, column)? {
-                #[allow(clippy::cast_possible_truncation)] // what is shown has six digits
-                let value = value as f32;
-                values[*place] = values[*place].max(value); // NaN yields
-            }
+        let cells = columns.iter().map(|&column| table.number(row, column));
+        let cells: Vec<Option<f64>> = cells.collect::<Result<_, _>>()?;
+        if cells.iter().all(Option::is_none) {
+            continue;
         }
+        let mut largest = f64::NEG_INFINITY;
+        for (cell, &column) in cells.into_iter().zip(columns) {
+            let value = cell.filter(|value| !value.is_nan()).ok_or_else(|| {
+                let message = "has no value, but others of the same quantity have";
+                table.refuse(line(row), &table.header[column], message)
+            })?;
+            largest = largest.max(value);
+        }
+        #[allow(clippy::cast_possible_truncation)] // what is shown has six digits
+        let largest = largest as f32;
+        values[*place] = largest;
     }
     let bytes: Vec<u8> = values.into_iter().flat_map(f32::to_le_bytes).collect();
     Ok(Encoded::Number(BASE64_STANDARD.encode(bytes)))
@@ -374,6 +451,24 @@ fn counts(
         }
     }
     Ok(Encoded::Count(base64_of(&values)))
+}
+
+/// Where the status says that solutions may be missing, and at how many poses.
+fn unsettled(
+    table: &Table<'_>,
+    rows: &[csv::StringRecord],
+    at: &[usize],
+    poses: usize,
+) -> (String, usize) {
+    let Some(column) = table.column(STATUS) else { return Default::default() };
+    let mut values = vec![0; poses];
+    for (row, place) in rows.iter().zip(at) {
+        let status = row[column].trim();
+        let kind = (1..).zip(UNSETTLED).find(|(_, unsettled)| unsettled.name() == status);
+        values[*place] = kind.map_or(0, |(number, _)| number);
+    }
+    let undecided = values.iter().filter(|value| **value != 0).count();
+    (if undecided == 0 { String::new() } else { base64_of(&values) }, undecided)
 }
 
 /// Words, numbered in the order of the alphabet.
@@ -415,8 +510,15 @@ mod tests {
 
     const HEADER: &str = "iz,iy,ix,x_m,y_m,z_m,more,solutions,length_1_m,length_2_m,change";
 
+    /// Parses rows under [`HEADER`]; cables 3 to 6 are as long as cable 1.
     fn parse(rows: &[&str]) -> Result<Slices, String> {
-        let text = format!("{HEADER}\n{}\n", rows.join("\n"));
+        let others: Vec<String> = (3..=6).map(|i| format!("length_{i}_m")).collect();
+        let mut lines = vec![format!("{HEADER},{}", others.join(","))];
+        for row in rows {
+            let first = row.split(',').nth(8).unwrap_or_default();
+            lines.push(format!("{row},{}", [first; 4].join(",")));
+        }
+        let text = lines.join("\n") + "\n";
         Slices::parse(&text, "w.csv").map_err(|fault| fault.to_string())
     }
 
@@ -457,10 +559,12 @@ mod tests {
             ("0,,1,1,2,3,,1,4,5,", "w.csv:3: iy: is empty"),
             ("0,0,1,inf,2,3,,1,4,5,", "w.csv:3: x_m: is not finite"),
             ("0,0,1,1,2.5,3,,1,4,5,", "w.csv:3: y_m: 2.5 m, but 2 m in another row of iy 0"),
-            ("0,0,1,1,2,3,,1,4,", "w.csv:3: row: 10 cells, 11 in the header"),
+            ("0,0,1,1,2,3,,1,4,", "w.csv:3: row: 14 cells, 15 in the header"),
             ("0,0,0,0.5,2,3,,1,4,5,", "w.csv:3: ix, iy, iz: the pose of line 2 again"),
             ("0,0,1,1,2,3,,many,4,5,", "w.csv:3: solutions: 'many' is not a whole number"),
             ("0,0,1,1,2,3,,1,4,5 m,", "w.csv:3: length_2_m: '5 m' is not a number"),
+            ("0,0,1,1,2,3,,1,4,,", "w.csv:3: length_2_m: has no value, but others"),
+            ("0,0,1,1,2,3,,1,4,NaN,", "w.csv:3: length_2_m: has no value, but others"),
             ("0,0,2,1,2,3,,1,4,5,", "w.csv:1: ix: no row has 1, so the grid is not regular"),
             ("0,0,1,0,2,3,,1,4,5,", "w.csv:1: x_m: does not grow with its index"),
         ] {
@@ -470,6 +574,29 @@ mod tests {
         assert!(parse(&[]).unwrap_err().contains("there are no poses"));
         let no_z = Slices::parse("ix,iy,iz,x_m,y_m\n", "w.csv").unwrap_err().to_string();
         assert_eq!(no_z, "w.csv:1: z_m: there is no such column");
+    }
+
+    /// The largest of five cables is not the largest of six.
+    #[test]
+    fn a_missing_column_is_named() {
+        let text = "ix,iy,iz,x_m,y_m,z_m,length_1_m,length_2_m,length_3_m,length_5_m,length_6_m\n";
+        let message =
+            Slices::parse(&format!("{text}0,0,0,1,2,3,4,4,4,4,4\n"), "w.csv").unwrap_err();
+        let expected = "w.csv:1: length_4_m: there is no such column, but others";
+        assert!(message.to_string().starts_with(expected), "{message}");
+    }
+
+    #[test]
+    fn the_grid_is_held_against_the_order() {
+        let row = |ix: usize, x: f64| format!("0,0,{ix},{x},2,3,,1,4,5,");
+        let slices = parse(&[&row(0, 1.0), &row(1, 2.0), &row(2, 3.0)]).unwrap();
+        let grid =
+            |nx, low, high| Grid::new([nx, 1, 1], [low, 2.0, 3.0], [high, 2.0, 3.0]).unwrap();
+        assert_eq!(slices.differs_from(&grid(3, 1.0, 3.0)), None);
+        let said = slices.differs_from(&grid(4, 1.0, 3.0)).unwrap();
+        assert_eq!(said, "[3, 1, 1] poses along x, y, z instead of [4, 1, 1]");
+        let said = slices.differs_from(&grid(3, 1.0, 5.0)).unwrap();
+        assert_eq!(said, "x 2 m instead of 3 m");
     }
 
     #[test]

@@ -4,36 +4,76 @@ use cdpr_core::CABLES;
 use maud::{Markup, html};
 
 use crate::enumerate::{Difference, Enumeration, FoundSolution, ModelKind, Request, Retraced};
-use crate::output::{counted, sign, significant};
+use crate::output::{counted, sign, significant, why_degrees_differ};
 
 /// A length or tension above this part of its limit is said to be near it.
 const NEAR: f64 = 0.8;
 
 /// The answer in one sentence.
-pub(super) fn verdict(answer: &Enumeration) -> Markup {
+pub(super) fn verdict(request: &Request, answer: &Enumeration) -> Markup {
+    html! {
+        p.verdict.good[answer.is_complete()].warning[!answer.is_complete()] {
+            span aria-hidden="true" { @if answer.is_complete() { "\u{2713} " } @else { "? " } }
+            (verdict_words(request, answer))
+        }
+    }
+}
+
+fn verdict_words(request: &Request, answer: &Enumeration) -> String {
     let number = answer.solutions.len();
-    let found = counted(number, "solution");
-    let text = if answer.is_complete() {
-        match number {
+    if answer.is_complete() {
+        return match number {
             0 => "There is no solution within the limits, proven.".to_owned(),
             1 => {
                 "1 solution, proven: it exists, and there is no other within the limits.".to_owned()
             }
-            _ => {
-                format!("{found}, proven: each exists, and there are no others within the limits.")
-            }
-        }
-    } else if answer.search.as_ref().is_some_and(|search| search.refusal.is_some()) {
-        format!("{found} found. Not proven: there may be others.")
-    } else {
-        format!("{found} found. In some places it is undecided whether there are others.")
-    };
-    html! {
-        p.verdict.good[answer.is_complete()].warning[!answer.is_complete()] {
-            span aria-hidden="true" { @if answer.is_complete() { "\u{2713} " } @else { "? " } }
-            (text)
-        }
+            _ => format!(
+                "{number} solutions, proven: each exists, and there are no others within the limits."
+            ),
+        };
     }
+    if contradicted(answer) {
+        return "The search and the continuation contradict each other: do not rely on this answer."
+            .to_owned();
+    }
+    if number == 0 {
+        return "No solution found, and it is not proven that there is none.".to_owned();
+    }
+    if request.model == ModelKind::Rigid {
+        let found = counted(number, "solution");
+        return format!("{found} found by linear algebra, to rounding; nothing is proven.");
+    }
+    let unproven = answer.solutions.iter().filter(|found| found.proof.is_none()).count();
+    let exist = match (number - unproven, unproven) {
+        (0, _) => format!("{} found, not proven to exist", counted(number, "solution")),
+        (proven, 0) => format!("{} proven", counted(proven, "solution")),
+        (proven, _) => {
+            format!("{} proven, {unproven} not proven to exist", counted(proven, "solution"))
+        }
+    };
+    if answer.search.as_ref().is_some_and(|search| search.refusal.is_none()) {
+        format!("{exist}; in some places it is undecided whether there are others.")
+    } else {
+        format!("{exist}; there may be others.")
+    }
+}
+
+/// Whether a branch arrives where the search has proven that there is nothing.
+fn contradicted(answer: &Enumeration) -> bool {
+    let is_contradicted =
+        |d: &Difference| matches!(d, Difference::Unconfirmed { contradicted: true, .. });
+    answer.differences.iter().any(is_contradicted)
+}
+
+/// What is said of a solution whose existence is not proven. Those of rigid cables are found by linear algebra,
+/// none of them with a proof.
+pub(super) fn doubt(request: &Request, found: &FoundSolution) -> Option<&'static str> {
+    (found.proof.is_none() && request.model != ModelKind::Rigid).then_some("not proven to exist")
+}
+
+/// The solution (from 1) to look at first: one that exists.
+pub(super) fn first_shown(answer: &Enumeration) -> usize {
+    answer.solutions.iter().position(|found| found.proof.is_some()).unwrap_or(0) + 1
 }
 
 /// Where a solution comes from, in a few words.
@@ -113,7 +153,11 @@ pub(super) fn answer_section(
             @if answer.solutions.len() > 1 { (overview(answer)) }
             @for ((number, found), slack) in (1_usize..).zip(&answer.solutions).zip(slack) {
                 div.solution data-solution=(number) {
-                    h3 { "Solution " (number) small { " " (origin(found)) } }
+                    h3 {
+                        "Solution " (number)
+                        @if let Some(doubt) = doubt(request, found) { ", " span.doubt { (doubt) } }
+                        small { " " (origin(found)) }
+                    }
                     (cables(request, found, *slack))
                     p {
                         (near(request, found)) " Determinant "
@@ -127,11 +171,11 @@ pub(super) fn answer_section(
             p {
                 "Degree, the sum of the signs: " (answer.degree()) "; with rigid cables " (answer.rigid.degree()) ". "
                 @if answer.degree() == answer.rigid.degree() {
-                    "They agree, as they must unless solutions are beyond the limits or missing."
-                } @else if answer.is_complete() {
-                    "They differ: solutions lie beyond the limits."
+                    "They agree"
+                    @if request.has_weight() { ", as they must unless solutions are beyond the limits or missing" }
+                    "."
                 } @else {
-                    "They differ: solutions lie beyond the limits, or are missing."
+                    "They differ: " (why_degrees_differ(request, answer)) "."
                 }
             }
         }
@@ -274,10 +318,7 @@ fn search_words(answer: &Enumeration) -> Markup {
 }
 
 fn differences(answer: &Enumeration) -> Markup {
-    let contradicted = answer
-        .differences
-        .iter()
-        .any(|d| matches!(d, Difference::Unconfirmed { contradicted: true, .. }));
+    let contradicted = contradicted(answer);
     html! {
         p.warning[contradicted] {
             "The complete search and the continuation from rigid cables do not say the same"
@@ -293,7 +334,7 @@ fn proofs(answer: &Enumeration) -> Markup {
     let short = |value: f64| format!("{value:.2e}");
     html! {
         p {
-            "Each solution has a proof of its own: within the first distance of the forces given, measured along the force \
+            "Each proven solution has a proof of its own: within the first distance of the forces given, measured along the force \
              curves, there is a solution, and within the second no other (Kantorovich: h = \u{3b2}\u{3b7}\u{3c9} is at most 0.5). \
              The last column is how far a true rest length can be from the one given."
         }
