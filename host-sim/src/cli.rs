@@ -501,6 +501,8 @@ fn write_shapes(folder: &Path, request: &Request, answer: &Enumeration) -> Resul
 /// A file that appears as a whole or not at all.
 struct WholeFile {
     path: PathBuf,
+    /// As it was given.
+    name: String,
     option: &'static str,
 }
 
@@ -508,8 +510,9 @@ impl WholeFile {
     /// Makes sure that `path` can be written, and leaves what is there alone.
     fn new(path: &Path, option: &'static str) -> Result<Self, CliError> {
         // Through a link, to the file that it stands for.
+        let name = path.display().to_string();
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let file = Self { path, option };
+        let file = Self { path, name, option };
         if file.path.exists() && !file.path.is_file() {
             return Err(file.refuse(io::Error::other("it is there already, and is no file")));
         }
@@ -534,8 +537,7 @@ impl WholeFile {
     }
 
     fn refuse(&self, source: io::Error) -> CliError {
-        let path = self.path.display().to_string();
-        CliError::Place { option: self.option, path, source }
+        CliError::Place { option: self.option, path: self.name.clone(), source }
     }
 
     fn write(&self, bytes: &[u8]) -> io::Result<()> {

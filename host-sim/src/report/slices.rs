@@ -8,10 +8,8 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Serialize;
 
 use crate::input_file::{self, InputFileError};
-use crate::workspace::{self, Grid, Order, Status};
+use crate::workspace::{self, Grid, Order, Status, TABLE};
 
-/// The file in the folder.
-const FILE: &str = "workspace.csv";
 /// The column that says how sure a row is.
 const STATUS: &str = "status";
 /// With these there may be solutions that are not counted; the page knows them by their place, from 1.
@@ -216,7 +214,7 @@ impl Slices {
     /// # Errors
     /// [`SlicesError`], naming file, line and column.
     pub fn read(folder: &Path) -> Result<Self, SlicesError> {
-        let (text, path) = input_file::read(&folder.join(FILE))?;
+        let (text, path) = input_file::read(&folder.join(TABLE))?;
         let slices = Self::parse(&text, &path)?;
         let order = Order::of_map(folder)?;
         if let Some(difference) = order.as_ref().and_then(|order| slices.differs_from(&order.grid))
