@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use cdpr_core::GeometryFault;
+use cdpr_core::{CABLES, GeometryFault};
 
 use crate::continuation::Solution;
 use crate::enumerate::{FoundSolution, Method, Options, Request};
@@ -50,16 +50,11 @@ pub enum ChoiceError {
 }
 
 impl Choice {
-    /// What is to be small.
-    fn measure(self, solution: &Solution) -> f64 {
-        let Solution { states, anchor_tensions_n, .. } = solution;
+    /// What is to be small: longest rest length (m), highest tension (N), or condition.
+    pub(crate) fn measure(self, solution: &Solution) -> f64 {
         match self {
-            Self::Shortest => states.iter().map(|s| s.rest_length_m).fold(0.0, f64::max),
-            Self::Tension => states
-                .iter()
-                .zip(anchor_tensions_n)
-                .map(|(s, at_anchor_n)| at_anchor_n.max(s.tension_at_attachment_n()))
-                .fold(0.0, f64::max),
+            Self::Shortest => solution.states.iter().map(|s| s.rest_length_m).fold(0.0, f64::max),
+            Self::Tension => (0..CABLES).map(|i| solution.tension_n(i)).fold(0.0, f64::max),
             Self::Fold => solution.condition,
         }
     }

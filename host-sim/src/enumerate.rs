@@ -273,9 +273,8 @@ impl Request {
     /// # Errors
     /// As [`Request::check`].
     pub fn problem<M: FromMaterial>(&self) -> Result<Problem<M>, GeometryFault> {
-        let RobotDescription { robot, limits, load, .. } = &self.robot;
-        let robot = robot.map_models(|_, material| M::from_material(material, load.gravity_m_s2));
-        Problem::new(robot, load, &self.pose()?, *limits)
+        let RobotDescription { limits, load, .. } = &self.robot;
+        Problem::new(self.robot.with_model(), load, &self.pose()?, *limits)
     }
 
     /// The pose of the platform.

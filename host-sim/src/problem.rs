@@ -7,7 +7,7 @@ use cdpr_core::{
 };
 use nalgebra::Vector3;
 
-use crate::robot_file::{CableLimits, CableMaterial};
+use crate::robot_file::{CableLimits, CableMaterial, RobotDescription};
 
 /// Part of the load that counts as a force even in a cable without any.
 pub(crate) const LEAST_FORCE: f64 = 1e-3;
@@ -71,6 +71,14 @@ pub fn rounded<T: Real>(
         moment_nm: vector(&load.moment_nm),
     };
     Ok((Robot::new(cables)?, load))
+}
+
+impl RobotDescription {
+    /// The robot with a cable model made from its materials.
+    #[must_use]
+    pub fn with_model<M: FromMaterial>(&self) -> Robot<f64, M> {
+        self.robot.map_models(|_, material| M::from_material(material, self.load.gravity_m_s2))
+    }
 }
 
 /// A cable model that can be made from the material in a robot file.

@@ -1,6 +1,8 @@
 //! The drivers in `cluster/`: parts made by other processes, some of which are killed in the middle.
 #![cfg(target_os = "linux")]
 
+mod common;
+
 use std::fs::{self, File};
 use std::io::Read as _;
 use std::os::unix::process::CommandExt as _;
@@ -10,10 +12,10 @@ use std::sync::LazyLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use common::CDPR;
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use tempfile::TempDir;
 
-const CDPR: &str = env!("CARGO_BIN_EXE_cdpr");
 const DASK_SHARDS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/cluster/dask_shards.py");
 const SLURM_ARRAY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/cluster/slurm-array.sh");
 

@@ -7,7 +7,6 @@ use cdpr_core::{CABLES, CableState, IrvineCatenary, Load, Pose, Robot, newton};
 use cdpr_host_sim::cases::Overrides;
 use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
 use cdpr_host_sim::in_order;
-use cdpr_host_sim::problem::FromMaterial as _;
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_host_sim::table::{Border, Sheet, Sheets};
 use cdpr_host_sim::workspace::Grid;
@@ -39,10 +38,7 @@ struct Naive {
 impl Naive {
     fn new() -> Self {
         let crane = crane();
-        let robot = crane
-            .robot
-            .map_models(|_, m| IrvineCatenary::from_material(m, crane.load.gravity_m_s2));
-        Self { robot, load: crane.load }
+        Self { robot: crane.with_model(), load: crane.load }
     }
 
     /// The solution at the end of a straight way; `None` where it jumps, is lost, or is beyond the limit of length.

@@ -12,7 +12,6 @@ use serde::Serialize;
 use super::{CliError, Format, finite, positive, triple, write_pretty};
 use crate::cases::Overrides;
 use crate::forward::{Rest, at_rest_near};
-use crate::problem::FromMaterial as _;
 use crate::robot_file::CableLimits;
 
 #[derive(Debug, Args)]
@@ -85,9 +84,7 @@ impl Forward {
     pub(super) fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let robot = super::robot(self.robot.as_deref())?;
         let robot = Overrides { mass_kg: self.mass, ..Overrides::default() }.apply(&robot);
-        let model = robot.robot.map_models(|_, material| {
-            IrvineCatenary::from_material(material, robot.load.gravity_m_s2)
-        });
+        let model = robot.with_model::<IrvineCatenary<f64>>();
         let guess = Stance {
             position_m: Vector3::from(self.position),
             orientation: UnitQuaternion::from_scaled_axis(Vector3::from(self.rotation_vector)),

@@ -63,15 +63,11 @@ impl Import {
         })?;
         // What cannot be read back is not handed out.
         RobotDescription::parse(&text, "the robot file made of it")?;
-        let (Some(file), Some(path)) = (file, &self.out) else {
+        let Some(file) = file else {
             out.write_all(text.as_bytes())?;
             return Ok(out.flush()?);
         };
-        file.write(text.as_bytes()).map_err(|source| CliError::Place {
-            option: "--out",
-            path: path.display().to_string(),
-            source,
-        })?;
+        file.write(text.as_bytes()).map_err(|source| file.refuse(source))?;
         for note in robot.notes() {
             writeln!(out, "{note}")?;
         }

@@ -1,6 +1,6 @@
 //! `cdpr table`: build, merge, inspect, verify, emit-rust.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::num::NonZeroU16;
 use std::path::{Path, PathBuf};
 
@@ -142,7 +142,7 @@ impl TableCommand {
                 let file = WholeFile::new(&options.out, "--out")?;
                 let (order, plans) = journal::merge::<Order>(&options.parts)?;
                 let outcome = order.assemble(plans)?;
-                file.write(&outcome.bytes).map_err(|source| unwritten(&options.out, source))?;
+                file.write(&outcome.bytes).map_err(|source| file.refuse(source))?;
                 report(out, &outcome, options.format)
             }
             Self::Inspect(options) => options.run(out),
@@ -169,10 +169,6 @@ impl SheetsOf {
         }
         Ok(out.flush()?)
     }
-}
-
-fn unwritten(path: &Path, source: io::Error) -> CliError {
-    CliError::Place { option: "--out", path: path.display().to_string(), source }
 }
 
 impl Build {
@@ -207,7 +203,7 @@ impl Build {
         progress.finish_and_clear();
         let Some(file) = file else { return Ok(()) };
         let outcome = order.assemble(journal.finish()?)?;
-        file.write(&outcome.bytes).map_err(|source| unwritten(&self.out, source))?;
+        file.write(&outcome.bytes).map_err(|source| file.refuse(source))?;
         journal.remove()?;
         report(out, &outcome, self.format)
     }

@@ -127,9 +127,9 @@ impl Map {
             return Ok(());
         }
         let findings: Vec<Findings> = journal.finish()?.into_iter().flatten().collect();
-        files.write(&order, &findings)?;
+        let summary = files.write(&order, &findings)?;
         journal.remove()?;
-        report(out, &order, &findings, self.format)?;
+        report(out, &order, &summary, self.format)?;
         if self.format == Format::Text && poses > 0 {
             writeln!(out, "\n{rate}")?;
         }
@@ -142,8 +142,8 @@ impl Merge {
         let (order, tiles) = journal::merge::<Order>(&self.parts)?;
         let files = Files::new(&self.out, &order)?;
         let findings: Vec<Findings> = tiles.into_iter().flatten().collect();
-        files.write(&order, &findings)?;
-        report(out, &order, &findings, self.format)?;
+        let summary = files.write(&order, &findings)?;
+        report(out, &order, &summary, self.format)?;
         Ok(out.flush()?)
     }
 }
@@ -179,8 +179,9 @@ impl Files {
         })
     }
 
-    /// Writes all, the document last: where it is, the others are of the same order.
-    fn write(&self, order: &Order, findings: &[Findings]) -> Result<(), CliError> {
+    /// Writes all, the document last: where it is, the others are of the same order. Returns the statistics.
+    fn write(&self, order: &Order, findings: &[Findings]) -> Result<Summary, CliError> {
+        let summary = Summary::of(findings);
         let write = || {
             self.csv
                 .write_with(|file| workspace::csv(order, findings, io::BufWriter::new(file)))?;
@@ -188,10 +189,11 @@ impl Files {
                 workspace::parquet(order, findings, file).map_err(io::Error::other)
             })?;
             let mut text = Vec::new();
-            write_pretty(&mut text, &Document { order, summary: &Summary::of(findings) })?;
+            write_pretty(&mut text, &Document { order, summary: &summary })?;
             self.json.write(&text)
         };
-        write().map_err(|source| misplaced(&self.folder, source))
+        write().map_err(|source| misplaced(&self.folder, source))?;
+        Ok(summary)
     }
 }
 
@@ -202,12 +204,11 @@ fn misplaced(path: &Path, source: io::Error) -> CliError {
 fn report(
     out: &mut impl Write,
     order: &Order,
-    findings: &[Findings],
+    summary: &Summary,
     format: Format,
 ) -> io::Result<()> {
-    let summary = Summary::of(findings);
     match format {
-        Format::Text => write!(out, "{}", Told(order, &summary)),
-        Format::Json => write_pretty(out, &summary),
+        Format::Text => write!(out, "{}", Told(order, summary)),
+        Format::Json => write_pretty(out, summary),
     }
 }

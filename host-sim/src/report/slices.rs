@@ -8,7 +8,7 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Serialize;
 
 use crate::input_file::{self, InputFileError};
-use crate::workspace::{self, Grid, Order, Status, TABLE};
+use crate::workspace::{self, Grid, Order, Status, TABLE, of_cables};
 
 /// The column that says how sure a row is.
 const STATUS: &str = "status";
@@ -116,14 +116,18 @@ struct Wanted {
 
 /// What the page shows, in the order of the chooser.
 fn wanted() -> Vec<Wanted> {
-    let cables = |name: &str, unit: &str| (1..=6).map(|i| format!("{name}_{i}_{unit}")).collect();
     let both: Vec<String> =
-        ["anchor_tension", "attachment_tension"].iter().flat_map(|n| cables(n, "n")).collect();
+        ["anchor_tension", "attachment_tension"].iter().flat_map(|n| of_cables(n, "n")).collect();
     let one = |name: &str| Source::Largest(vec![name.to_owned()]);
     let row = |key, name, unit, source| Wanted { key, name, unit, source };
     vec![
         row("solutions", "number of solutions", "", Source::Count("solutions")),
-        row("longest_length", "longest rest length", "m", Source::Largest(cables("length", "m"))),
+        row(
+            "longest_length",
+            "longest rest length",
+            "m",
+            Source::Largest(of_cables("length", "m").into()),
+        ),
         row("highest_tension", "highest tension", "N", Source::Largest(both)),
         row("fold_margin", "margin to a fold, 1/condition", "", one("fold_margin")),
         row("length_margin", "margin to the limit of length", "m", one("length_margin_m")),

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::trajectory::Trajectory;
 use crate::choice::{Choice, ChoiceError, choose};
 use crate::enumerate::{ModelKind, Request};
-use crate::problem::{FromMaterial as _, rounded};
+use crate::problem::rounded;
 use crate::robot_file::RobotDescription;
 
 /// What decides in each period: the controller on the host, firmware, or a user's own.
@@ -130,10 +130,7 @@ impl Beginning {
 pub fn blueprint<T: Countable>(
     robot: &RobotDescription,
 ) -> Result<Blueprint<T, IrvineCatenary<T>>, GeometryFault> {
-    let exact = robot
-        .robot
-        .map_models(|_, material| IrvineCatenary::from_material(material, robot.load.gravity_m_s2));
-    let (rounded_robot, load) = rounded(&exact, &robot.load)?;
+    let (rounded_robot, load) = rounded(&robot.with_model(), &robot.load)?;
     Ok(Blueprint {
         robot: rounded_robot,
         load,

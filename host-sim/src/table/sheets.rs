@@ -18,10 +18,10 @@ use rayon::ThreadPool;
 use serde::Serialize;
 
 use super::links::Sets;
+use crate::choice::Choice;
 use crate::continuation::Solution;
 use crate::enumerate::{Method, ModelKind, Options, Request};
 use crate::in_order;
-use crate::problem::FromMaterial as _;
 use crate::robot_file::{CableLimits, RobotDescription};
 use crate::workspace::Grid;
 
@@ -219,11 +219,8 @@ impl Sheets {
             Ok::<(), GeometryFault>(())
         })?;
 
-        let gravity_m_s2 = robot.load.gravity_m_s2;
         let walker = Walker {
-            robot: robot
-                .robot
-                .map_models(|_, material| IrvineCatenary::from_material(material, gravity_m_s2)),
+            robot: robot.with_model(),
             load: robot.load,
             limits: robot.limits,
             orientation: UnitQuaternion::from_scaled_axis(Vector3::from(rotation_vector_rad)),
@@ -296,7 +293,6 @@ impl Walker {
     ) -> Result<usize, Border> {
         let start = &nodes[from].solutions[solution].states;
         let ends = [grid.position_m(from), grid.position_m(to)].map(Vector3::from);
-        let mut border = Border::Fold;
         for ticks in TICKS {
             match self.follow(start, &ends, ticks) {
                 Ok(forces) => {
@@ -315,10 +311,10 @@ impl Walker {
                     | Fault::TensionBelow { .. }
                     | Fault::LengthBeyondWinch { .. },
                 ) => return Err(Border::Limit),
-                Err(_) => border = Border::Fold,
+                Err(_) => {} // in shorter steps
             }
         }
-        Err(border)
+        Err(Border::Fold)
     }
 
     /// The solution at the other end of a straight way, certified all along.
@@ -406,26 +402,21 @@ fn gather(
 impl Sheet {
     /// Of one solution of one pose.
     fn at(position_m: [f64; 3], solution: usize, found: &Solution) -> Self {
-        let Solution { states, anchor_tensions_n, is_positive, condition, .. } = found;
         let best = |value| BestPose { value, position_m, solution };
-        let tensions_n = states
-            .iter()
-            .zip(anchor_tensions_n)
-            .map(|(state, at_anchor_n)| at_anchor_n.max(state.tension_at_attachment_n()));
         Self {
             poses: 1,
-            det_sign: Some(if *is_positive { 1 } else { -1 }),
+            det_sign: Some(if found.is_positive { 1 } else { -1 }),
             low_m: position_m,
             high_m: position_m,
-            shortest: best(states.iter().map(|state| state.rest_length_m).fold(0.0, f64::max)),
-            tension: best(tensions_n.fold(0.0, f64::max)),
-            fold: best(1.0 / condition),
+            shortest: best(Choice::Shortest.measure(found)),
+            tension: best(Choice::Tension.measure(found)),
+            fold: best(1.0 / Choice::Fold.measure(found)),
             seams: Vec::new(),
             borders: BTreeMap::new(),
             members: vec![Member {
                 position_m,
                 solution,
-                lengths_m: states.map(|state| state.rest_length_m),
+                lengths_m: found.states.map(|state| state.rest_length_m),
             }],
         }
     }

@@ -62,6 +62,11 @@ fn best(name: String, read: impl Fn(&Best) -> Option<f64> + 'static) -> Column {
 /// Six numbers of the best solution.
 type OfCables = fn(&Best) -> &[f64; CABLES];
 
+/// Names of the columns with a number for each cable.
+pub(crate) fn of_cables(name: &str, unit: &str) -> [String; CABLES] {
+    std::array::from_fn(|cable| format!("{name}_{}_{unit}", cable + 1))
+}
+
 /// Every column, in its order.
 fn columns() -> Vec<Column> {
     let mut columns = Vec::new();
@@ -85,14 +90,13 @@ fn columns() -> Vec<Column> {
         best("length_margin_m".to_owned(), |best| best.length_margin_m),
         best("tension_margin_n".to_owned(), |best| best.tension_margin_n),
     ]);
-    let of_cables: [(&str, &str, OfCables); 3] = [
+    let values: [(&str, &str, OfCables); 3] = [
         ("length", "m", |best| &best.lengths_m),
         ("anchor_tension", "n", |best| &best.anchor_tensions_n),
         ("attachment_tension", "n", |best| &best.attachment_tensions_n),
     ];
-    for (name, unit, read) in of_cables {
-        for cable in 0..CABLES {
-            let name = format!("{name}_{}_{unit}", cable + 1);
+    for (name, unit, read) in values {
+        for (cable, name) in of_cables(name, unit).into_iter().enumerate() {
             columns.push(best(name, move |best| Some(read(best)[cable])));
         }
     }

@@ -101,21 +101,18 @@ pub struct Best {
 impl Best {
     fn of(solution: &Solution, limits: &[CableLimits; CABLES]) -> Self {
         let lengths_m = solution.states.map(|state| state.rest_length_m);
-        let attachment_tensions_n = solution.states.map(|state| state.tension_at_attachment_n());
-        let anchor_tensions_n = solution.anchor_tensions_n;
         let least = |left: [f64; CABLES]| {
             let least = left.into_iter().fold(f64::INFINITY, f64::min);
             least.is_finite().then_some(least)
         };
-        let tension_n = |i: usize| anchor_tensions_n[i].max(attachment_tensions_n[i]);
         Self {
             lengths_m,
-            anchor_tensions_n,
-            attachment_tensions_n,
+            anchor_tensions_n: solution.anchor_tensions_n,
+            attachment_tensions_n: solution.states.map(|state| state.tension_at_attachment_n()),
             fold_margin: 1.0 / solution.condition,
             length_margin_m: least(std::array::from_fn(|i| limits[i].max_length_m - lengths_m[i])),
             tension_margin_n: least(std::array::from_fn(|i| {
-                limits[i].max_tension_n - tension_n(i)
+                limits[i].max_tension_n - solution.tension_n(i)
             })),
         }
     }

@@ -24,6 +24,7 @@ use crate::in_order;
 use crate::input_file::{self, InputFileError};
 use crate::journal::Job;
 use crate::robot_file::{Body, CableLimits, CableMaterial, Control, RobotDescription, WinchDesign};
+pub(crate) use file::of_cables;
 pub use file::{csv, parquet};
 pub use findings::{Best, Change, Findings, Status};
 pub use grid::{Grid, GridError, MOST_POSES};
