@@ -6,18 +6,18 @@
 //! connected sheet, within so many steps, at every pose of the cell. The host's `cdpr table build` makes and
 //! proves it; [`Table`] reads it where it lies, without a copy, at any alignment.
 //!
-//! # Format, version 1
+//! # Format, version 2
 //!
 //! Little-endian. Lengths in m, forces in N, masses in kg; `f32` is IEEE 754 single precision.
 //!
 //! | offset | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `CDPRSEED` |
-//! | 8 | `u16` | version, 1 |
+//! | 8 | `u16` | version, 2 |
 //! | 10 | `u8` | cable model: 1, the elastic catenary |
 //! | 11 | `u8` | Newton steps that are certified to suffice |
 //! | 12 | `u32` | bytes in all, with the checksum |
-//! | 16 | `u32` | number of nodes, at least 1 |
+//! | 16 | `u32` | number of words of the tree, at least 1 |
 //! | 20 | `u32` | number of seeds |
 //! | 24 | 8 bytes | zero |
 //! | 32 | 6 `f32` | region, lower ends: x, y, z of the platform origin (m), then the turn vector (see below) |
@@ -27,18 +27,21 @@
 //! | 128 | 6 x 8 `f32` | cables: anchor (m, 3), attachment (m, 3), weight per rest length (N/m), 1/EA (1/N) |
 //! | 320 | 11 `f32` | load: mass (kg), centre of mass (m, 3), gravity (m/s^2), force (N, 3), moment (N m, 3) |
 //! | 364 | 6 `f32` | longest rest lengths for which the sheet was wanted, m |
-//! | 388 | 4 bytes a node | tree, root first |
-//! | | 24 bytes a seed | 6 `f32`: the coordinates of the six cables |
+//! | 388 | 2 bytes a word | tree, root first |
+//! | | 12 bytes a seed | the coordinates of the six cables, of each the upper half of an `f32` (see [`shortened`]) |
 //! | last 4 | `u32` | CRC-32 (ISO-HDLC: that of zip and Ethernet) of all bytes before |
 //!
 //! The turn vector is [`Pose::turn_vector`]: the axis of the platform's turn times the sine of its angle.
 //!
-//! A node is a `u32`. Its two highest bits tell its kind:
+//! A node of the tree is a `u16`, and sometimes two more. Its highest bits tell its kind:
 //!
-//! - 0, a split: bits 27 to 29 are the coordinate (0 to 5) in which the box is halved, bits 0 to 26 the index
-//!   of the node of the lower half, larger than that of this node; the upper half's node is the next one.
-//! - 1, a cell: bits 0 to 29 are the index of its seed, which other cells may have as well.
-//! - 2, nothing: bits 0 to 7 tell why ([`Gap`]).
+//! - 0, a split: bits 12 to 14 are the coordinate (0 to 5) in which the box is halved. The node of the lower half
+//!   follows; bits 0 to 11 are the number of words from this node to that of the upper half.
+//! - 10, a cell: bits 0 to 13 are the index of its seed, which other cells may have as well.
+//! - 11, nothing: bits 0 to 7 tell why ([`Gap`]).
+//!
+//! A number that does not fit is in the next two words, lower half first, and its bits are zero in a split and
+//! one in a cell.
 //!
 //! A table holds for every robot whose parameters differ from its own by no more than the part
 //! [`LIKENESS`], which covers those that were rounded to `f32` on another way.
@@ -52,7 +55,7 @@ use crate::{CABLES, CableState, Load, Pose, Real, Robot};
 /// What a table begins with.
 pub const MAGIC: [u8; 8] = *b"CDPRSEED";
 /// The version of the format that is read and written.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// Tag of the elastic catenary, the only model of this version.
 pub const ELASTIC_CATENARY: u8 = 1;
 /// Part by which a parameter of the robot may differ from that of the table: two roundings to `f32`.
@@ -65,8 +68,8 @@ pub const COORDINATES: usize = 6;
 pub const MAX_DEPTH: usize = 120;
 /// Seeds at most.
 pub const MAX_SEEDS: u32 = 1 << 27;
-/// Nodes at most.
-pub const MAX_NODES: u32 = 1 << 27;
+/// Words of the tree at most.
+pub const MAX_WORDS: u32 = 1 << 27;
 
 /// Offsets of the fields, bytes.
 pub mod offset {
@@ -79,7 +82,7 @@ pub mod offset {
     /// `u32`.
     pub const TOTAL: usize = 12;
     /// `u32`.
-    pub const NODES: usize = 16;
+    pub const WORDS: usize = 16;
     /// `u32`.
     pub const SEEDS: usize = 20;
     /// 6 `f32`.
@@ -100,12 +103,19 @@ pub mod offset {
     pub const TREE: usize = 388;
 }
 
-/// Bytes of a node, a seed and the checksum.
-pub const NODE_BYTES: usize = 4;
-/// See [`NODE_BYTES`].
-pub const SEED_BYTES: usize = 24;
-/// See [`NODE_BYTES`].
+/// Bytes of a word of the tree, a seed and the checksum.
+pub const WORD_BYTES: usize = 2;
+/// See [`WORD_BYTES`].
+pub const SEED_BYTES: usize = 12;
+/// See [`WORD_BYTES`].
 pub const CRC_BYTES: usize = 4;
+
+/// Bits of a split that tell where its upper half is, and of a cell that tell its seed.
+const SKIP: u16 = (1 << 12) - 1;
+const SEED: u16 = (1 << 14) - 1;
+/// Kinds that are no split.
+const CELL: u16 = 0b10 << 14;
+const NOTHING: u16 = 0b11 << 14;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
@@ -128,7 +138,8 @@ pub enum Gap {
     SingularCable,
     /// Newton's method takes too many steps.
     TooManySteps,
-    /// Too close to a fold or a singularity for a proof with cells of the smallest size.
+    /// No proof with cells of the smallest size: a cable is between taut and slack there, where its force curve bends,
+    /// or a fold or another singularity is near.
     Unproven,
     /// Proven, but not connected to the sheet within the region.
     NotConnected,
@@ -168,7 +179,7 @@ impl core::fmt::Display for Gap {
             Self::NoSolution => "the sheet has no solution there",
             Self::BeyondLimits => "a rest length or tension is beyond its limit there",
             Self::SingularCable => "a cable is too close to vertical or to losing its tension",
-            Self::Unproven => "too close to a fold or singularity for a proof",
+            Self::Unproven => "not proven: a cable between taut and slack, or a fold, is near",
             Self::TooManySteps => "Newton's method takes too many steps",
             Self::NotConnected => "not connected to the sheet within the region",
             Self::Other => "unknown reason",
@@ -239,15 +250,17 @@ impl core::fmt::Display for TableFault {
 
 impl core::error::Error for TableFault {}
 
-/// What a node says.
+/// What a node says. Places are counted in words of the tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Node {
-    /// The box is halved in a coordinate; the lower half is the node `first`, the upper half the next one.
+    /// The box is halved in a coordinate.
     Split {
         /// 0 to 5.
         coordinate: usize,
-        /// Index of a node.
-        first: usize,
+        /// Place of the node of the lower half.
+        lower: usize,
+        /// Place of the node of the upper half, behind all of the lower one.
+        upper: usize,
     },
     /// A cell.
     Cell {
@@ -259,36 +272,41 @@ pub enum Node {
 }
 
 impl Node {
-    /// As it is written. Indices beyond [`MAX_SEEDS`] and [`MAX_NODES`] do not fit.
+    /// As it is written: the first so many of three words. Of a split the distance between its halves counts, not
+    /// where they are. Numbers beyond [`MAX_SEEDS`] and [`MAX_WORDS`] do not fit.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)] // see there
-    pub fn encode(self) -> u32 {
+    pub fn encode(self) -> ([u16; 3], usize) {
+        let long = |word: u16, number: usize| ([word, number as u16, (number >> 16) as u16], 3);
         match self {
-            Self::Split { coordinate, first } => ((coordinate as u32) << 27) | first as u32,
-            Self::Cell { seed } => (1 << 30) | seed as u32,
-            Self::Nothing(gap) => (2 << 30) | gap.code(),
+            Self::Split { coordinate, lower, upper } => {
+                let (word, skip) = ((coordinate as u16) << 12, upper - lower + 1);
+                if skip <= usize::from(SKIP) {
+                    ([word | skip as u16, 0, 0], 1)
+                } else {
+                    long(word, skip + 2)
+                }
+            }
+            Self::Cell { seed } if seed < usize::from(SEED) => ([CELL | seed as u16, 0, 0], 1),
+            Self::Cell { seed } => long(CELL | SEED, seed),
+            Self::Nothing(gap) => ([NOTHING | gap.code() as u16, 0, 0], 1),
         }
     }
+}
 
-    #[inline]
-    fn decode(word: u32) -> Option<Self> {
-        match word >> 30 {
-            0 => Some(Self::Split {
-                coordinate: ((word >> 27) & 7) as usize,
-                first: (word & (MAX_NODES - 1)) as usize,
-            }),
-            1 => Some(Self::Cell { seed: (word & 0x3fff_ffff) as usize }),
-            2 => Some(Self::Nothing(Gap::of_code(word & 0xff))),
-            _ => None,
-        }
-    }
+/// The nearest number whose lower 16 bits are zero, as an `f32`: what a seed is made of. Good to one part in 256,
+/// and Newton's method starts from anywhere near.
+#[must_use]
+pub fn shortened(chart: f32) -> f32 {
+    // Half a unit is added to the size; what is not finite is left to the reader of the table.
+    f32::from_bits(chart.to_bits().saturating_add(1 << 15) & !0xffff)
 }
 
 /// A table in flash: borrowed bytes that have been checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Table<'a> {
     bytes: &'a [u8],
-    nodes: usize,
+    words: usize,
     seeds: usize,
 }
 
@@ -307,6 +325,11 @@ fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
 }
 
 #[inline]
+fn u16_at(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes(bytes_at(bytes, at))
+}
+
+#[inline]
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes_at(bytes, at))
 }
@@ -322,13 +345,13 @@ impl<'a> Table<'a> {
     /// # Errors
     /// [`TableFault`]: the first that applies of not a table, version, length, checksum, contents.
     pub fn open(bytes: &'a [u8]) -> Result<Self, TableFault> {
-        if bytes.len() < offset::TREE + NODE_BYTES + CRC_BYTES {
+        if bytes.len() < offset::TREE + WORD_BYTES + CRC_BYTES {
             return Err(TableFault::TooShort);
         }
         if bytes_at(bytes, 0) != MAGIC {
             return Err(TableFault::NotATable);
         }
-        let version = u16::from_le_bytes(bytes_at(bytes, offset::VERSION));
+        let version = u16_at(bytes, offset::VERSION);
         if version < VERSION {
             return Err(TableFault::OlderVersion(version));
         }
@@ -349,18 +372,18 @@ impl<'a> Table<'a> {
             return Err(TableFault::OtherModel(model));
         }
         let count = |at| u32_at(bytes, at);
-        let (nodes, seeds) = (count(offset::NODES), count(offset::SEEDS));
-        let fits = (1..MAX_NODES).contains(&nodes) && seeds <= MAX_SEEDS;
+        let (words, seeds) = (count(offset::WORDS), count(offset::SEEDS));
+        let fits = (1..MAX_WORDS).contains(&words) && seeds <= MAX_SEEDS;
         if !fits {
             return Err(TableFault::Malformed);
         }
-        let table = Self { bytes, nodes: nodes as usize, seeds: seeds as usize };
+        let table = Self { bytes, words: words as usize, seeds: seeds as usize };
         let extents = table.extent();
         let is_region = table.low().iter().all(|l| l.is_finite())
             && extents.iter().all(|e| *e > 0.0 && e.is_finite());
         // In 64 bits, where no count overflows.
         let tree = offset::TREE as u64
-            + NODE_BYTES as u64 * u64::from(nodes)
+            + WORD_BYTES as u64 * u64::from(words)
             + SEED_BYTES as u64 * u64::from(seeds);
         if tree != protected as u64 || !is_region {
             return Err(TableFault::Malformed);
@@ -437,17 +460,16 @@ impl<'a> Table<'a> {
         let mut index = 0;
         for _ in 0..=MAX_DEPTH {
             match self.node(index).ok_or(TableFault::Malformed)? {
-                Node::Split { coordinate, first } if first > index => {
+                Node::Split { coordinate, lower, upper } => {
                     let along = t.get_mut(coordinate).ok_or(TableFault::Malformed)?;
                     // Exact: doubling is, and so is taking one from a number between one and two.
                     *along += *along;
-                    index = first;
+                    index = lower;
                     if *along >= T::one() {
                         *along -= T::one();
-                        index += 1;
+                        index = upper;
                     }
                 }
-                Node::Split { .. } => break,
                 Node::Cell { seed } => {
                     let seed = self.seed(seed).ok_or(TableFault::Malformed)?;
                     return Ok(seed.map(|chart| T::constant(f64::from(chart))));
@@ -502,10 +524,10 @@ impl<'a> Table<'a> {
         floats_at(self.bytes, offset::LIMITS)
     }
 
-    /// Number of nodes.
+    /// Number of words of the tree.
     #[must_use]
-    pub fn nodes(&self) -> usize {
-        self.nodes
+    pub fn words(&self) -> usize {
+        self.words
     }
 
     /// Number of seeds.
@@ -514,22 +536,49 @@ impl<'a> Table<'a> {
         self.seeds
     }
 
-    /// A node; the root is 0. `None` when there is none, or it makes no sense.
+    /// The node at a place of the tree; the root is at 0. `None` when there is none, or it makes no sense.
     #[inline]
     #[must_use]
     pub fn node(&self, index: usize) -> Option<Node> {
-        if index >= self.nodes {
-            return None;
+        let word = |index: usize| {
+            (index < self.words).then(|| u16_at(self.bytes, offset::TREE + WORD_BYTES * index))
+        };
+        // The number in the two words behind this one.
+        let long = || {
+            let halves = (usize::from(word(index + 1)?), usize::from(word(index + 2)?));
+            Some(halves.0 | halves.1 << 16)
+        };
+        let first = word(index)?;
+        if first & CELL == 0 {
+            let coordinate = usize::from(first >> 12);
+            let (lower, skip) = match first & SKIP {
+                0 => (index + 3, long()?),
+                skip => (index + 1, usize::from(skip)),
+            };
+            let upper = index.checked_add(skip)?;
+            let is_node = coordinate < COORDINATES && upper > lower && upper < self.words;
+            is_node.then_some(Node::Split { coordinate, lower, upper })
+        } else if first & NOTHING == CELL {
+            let seed = match first & SEED {
+                SEED => long()?,
+                seed => usize::from(seed),
+            };
+            Some(Node::Cell { seed })
+        } else {
+            Some(Node::Nothing(Gap::of_code(u32::from(first & 0xff))))
         }
-        Node::decode(u32_at(self.bytes, offset::TREE + NODE_BYTES * index))
     }
 
     /// A seed.
     #[inline]
     #[must_use]
     pub fn seed(&self, index: usize) -> Option<[f32; CABLES]> {
-        let at = offset::TREE + NODE_BYTES * self.nodes + SEED_BYTES * index;
-        (index < self.seeds).then(|| floats_at(self.bytes, at))
+        if index >= self.seeds {
+            return None;
+        }
+        let at = offset::TREE + WORD_BYTES * self.words + SEED_BYTES * index;
+        let upper = |i: usize| u32::from(u16_at(self.bytes, at + 2 * i)) << 16;
+        Some(core::array::from_fn(|i| f32::from_bits(upper(i))))
     }
 }
 

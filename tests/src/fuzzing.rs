@@ -6,7 +6,7 @@ use cdpr_core::controller::{
     ControllerSettings, MotionLimits, Pace, Readings, Stance, State, WayPoint,
 };
 use cdpr_core::table::{
-    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, NODE_BYTES, SEED_BYTES, VERSION, checksum,
+    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, SEED_BYTES, VERSION, WORD_BYTES, checksum,
     offset,
 };
 use cdpr_core::tracker::MAX_PARTS;
@@ -265,14 +265,14 @@ pub fn table(bytes: &[u8]) {
 
 /// The same contents with a header and a checksum that go with them; `None` when there are too few.
 fn repaired(bytes: &[u8]) -> Option<Vec<u8>> {
-    let whole = bytes.len() / NODE_BYTES * NODE_BYTES;
+    let whole = bytes.len() / WORD_BYTES * WORD_BYTES;
     let mut bytes = bytes[..whole].to_vec();
-    let body = whole.checked_sub(offset::TREE + CRC_BYTES + NODE_BYTES)?;
+    let body = whole.checked_sub(offset::TREE + CRC_BYTES + WORD_BYTES)?;
     let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k])) as usize;
-    // As many seeds as it says, or as there is room for; the rest are nodes.
+    // As many seeds as it says, or as there is room for; the rest are words of the tree.
     let seeds = word(offset::SEEDS) % (body / SEED_BYTES + 1);
-    let nodes = 1 + (body - SEED_BYTES * seeds) / NODE_BYTES;
-    for (at, count) in [(offset::TOTAL, whole), (offset::NODES, nodes), (offset::SEEDS, seeds)] {
+    let words = 1 + (body - SEED_BYTES * seeds) / WORD_BYTES;
+    for (at, count) in [(offset::TOTAL, whole), (offset::WORDS, words), (offset::SEEDS, seeds)] {
         bytes[at..at + 4].copy_from_slice(&u32::try_from(count).ok()?.to_le_bytes());
     }
     bytes[..MAGIC.len()].copy_from_slice(&MAGIC);
@@ -301,7 +301,7 @@ fn look_up(table: &Table<'_>, bytes: &[u8]) {
         mine,
         Ok(()) | Err(TableFault::OtherCable(0..CABLES) | TableFault::OtherLoad)
     ));
-    assert!(table.node(table.nodes()).is_none());
+    assert!(table.node(table.words()).is_none());
     assert!(table.seed(table.seeds()).is_none());
     let (low, extent) = (table.low(), table.extent());
     // Poses from the far end, where there are seeds.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use cdpr_core::newton::converge;
 use cdpr_core::statics::Balance;
-use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, TOLERANCE, Table, TableFault};
+use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, Node, TOLERANCE, Table, TableFault};
 use cdpr_core::{
     CABLES, Cable, CableLimits, CableState, Fault, IrvineCatenary, Load, Pose, Real, Robot,
     SetPoint, Tracker, TrackerSettings, Twist,
@@ -140,27 +140,37 @@ impl Reader<'_> {
         std::array::from_fn(|k| f64::from(low[k]) + parts[k] * f64::from(extent[k]))
     }
 
+    fn short(&self, at: usize) -> u16 {
+        u16::from_le_bytes(self.0[at..at + 2].try_into().expect("two bytes"))
+    }
+
     fn leaves(&self) -> Vec<Leaf> {
-        let seeds_at = TREE + 4 * self.word(16) as usize;
+        let seeds_at = TREE + 2 * self.word(16) as usize;
         let mut leaves = Vec::new();
         let mut stack = vec![(0, [0.0; COORDINATES], [1.0; COORDINATES])];
         while let Some((node, low, high)) = stack.pop() {
-            let word = self.word(TREE + 4 * node);
-            let low_bits = |count: u32| word & ((1 << count) - 1);
-            match word >> 30 {
-                0 => {
-                    let (k, first) = ((word >> 27 & 7) as usize, low_bits(27) as usize);
+            let short = self.short(TREE + 2 * node);
+            let word = usize::from(short);
+            let long = || self.word(TREE + 2 * (node + 1)) as usize;
+            match word >> 14 {
+                0 | 1 => {
+                    let k = word >> 12;
+                    let (first, second) = match word & 0xfff {
+                        0 => (node + 3, node + long()),
+                        skip => (node + 1, node + skip),
+                    };
                     let middle = 0.5 * (low[k] + high[k]);
                     let (mut lower, mut upper) = (high, low);
                     (lower[k], upper[k]) = (middle, middle);
-                    stack.extend([(first, low, lower), (first + 1, upper, high)]);
+                    stack.extend([(first, low, lower), (second, upper, high)]);
                 }
-                1 => {
-                    let seed = self.floats(seeds_at + 24 * low_bits(30) as usize);
-                    leaves.push(Leaf { low, high, what: What::Cell(seed) });
+                2 => {
+                    let seed = if word & 0x3fff == 0x3fff { long() } else { word & 0x3fff };
+                    let at = seeds_at + 12 * seed;
+                    let chart = |i| f32::from_bits(u32::from(self.short(at + 2 * i)) << 16);
+                    leaves.push(Leaf { low, high, what: What::Cell(std::array::from_fn(chart)) });
                 }
-                2 => leaves.push(Leaf { low, high, what: What::Nothing(word & 0xff) }),
-                kind => panic!("kind {kind}"),
+                _ => leaves.push(Leaf { low, high, what: What::Nothing(u32::from(short & 0xff)) }),
             }
         }
         leaves
@@ -287,7 +297,7 @@ fn every_damage_is_refused_by_its_name() {
         let wanted = match bit / 8 {
             0..8 => TableFault::NotATable,
             8..10 => match u16::from_le_bytes([bytes[8], bytes[9]]) {
-                0 => TableFault::OlderVersion(0),
+                version @ 0..2 => TableFault::OlderVersion(version),
                 version => TableFault::NewerVersion(version),
             },
             12..16 => TableFault::WrongLength {
@@ -301,8 +311,8 @@ fn every_damage_is_refused_by_its_name() {
     let said = u32::try_from(whole.len()).expect("short");
     for length in 0..whole.len() {
         let found = u32::try_from(length).expect("short");
-        // A header, one node and the checksum.
-        let wanted = if length < TREE + 4 + 4 {
+        // A header, one word and the checksum.
+        let wanted = if length < TREE + 2 + 4 {
             TableFault::TooShort
         } else {
             TableFault::WrongLength { said, found }
@@ -319,12 +329,12 @@ fn every_damage_is_refused_by_its_name() {
 }
 
 /// The header of the table of these tests, with other contents.
-fn made(nodes: &[u32], seeds: &[[f32; CABLES]]) -> Vec<u8> {
+fn made(words: &[u16], seeds: &[[f32; CABLES]]) -> Vec<u8> {
     let mut bytes = TABLE[..TREE].to_vec();
-    bytes.extend(nodes.iter().flat_map(|node| node.to_le_bytes()));
-    bytes.extend(seeds.iter().flatten().flat_map(|chart| chart.to_le_bytes()));
+    bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+    bytes.extend(seeds.iter().flatten().flat_map(|chart| chart.to_le_bytes()[2..].to_vec()));
     bytes.extend([0; 4]);
-    let counts = [bytes.len(), nodes.len(), seeds.len()];
+    let counts = [bytes.len(), words.len(), seeds.len()];
     for (k, count) in counts.into_iter().enumerate() {
         let count = u32::try_from(count).expect("few");
         bytes[12 + 4 * k..16 + 4 * k].copy_from_slice(&count.to_le_bytes());
@@ -332,11 +342,12 @@ fn made(nodes: &[u32], seeds: &[[f32; CABLES]]) -> Vec<u8> {
     repaired(bytes)
 }
 
-const CELL: u32 = 1 << 30;
-const NOTHING: u32 = 2 << 30;
+const CELL: u16 = 0x8000;
+const NOTHING: u16 = 0xc000;
 
-fn split(coordinate: u32, first: u32) -> u32 {
-    coordinate << 27 | first
+/// The upper half is so many words on.
+fn split(coordinate: u16, skip: u16) -> u16 {
+    coordinate << 12 | skip
 }
 
 #[test]
@@ -345,23 +356,39 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
     let (start, _, _) = poses(&START);
     let (robot, load) = crane::<f32>();
     let at = |bytes: &[u8]| Table::open(bytes).expect("opens").seed_at(&start);
-    assert_eq!(at(&made(&[CELL], &[seed])), Ok(seed));
-    let malformed = [
-        made(&[CELL | 1], &[seed]), // a seed that is not there
-        made(&[CELL | ((1 << 30) - 1)], &[seed]),
-        made(&[CELL], &[]),
-        made(&[split(0, 0)], &[seed]), // round in a circle
-        made(&[split(0, 1)], &[seed]), // beyond the end
-        made(&[split(0, (1 << 27) - 1)], &[]),
-        made(&[split(6, 1), CELL, CELL], &[seed]),
-        made(&[split(7, 1), CELL, CELL], &[seed]),
-        made(&[split(0, 1), split(0, 1), split(0, 1)], &[seed]),
-        made(&[3 << 30], &[seed]),
+    let good: [&[u16]; 4] = [
+        &[CELL],
+        &[CELL | 0x3fff, 0, 0], // the number in two words
+        &[split(0, 2), CELL, CELL],
+        &[split(0, 0), 4, 0, CELL, CELL],
     ];
-    for (case, bytes) in malformed.iter().enumerate() {
-        assert_eq!(at(bytes), Err(TableFault::Malformed), "case {case}");
-        let table = Table::open(bytes).expect("opens");
-        assert_eq!(table.states(&robot, &load, &start), Err(TableFault::Malformed), "case {case}");
+    for words in good {
+        assert_eq!(at(&made(words, &[seed])), Ok(seed), "{words:x?}");
+    }
+    let malformed: [(&[u16], usize); 17] = [
+        (&[CELL | 1], 1), // a seed that is not there
+        (&[CELL | 0x3ffe], 1),
+        (&[CELL | 0x3fff, 1, 0], 1),
+        (&[CELL | 0x3fff, 0, 1], 1),
+        (&[CELL | 0x3fff, 0], 1), // torn off
+        (&[CELL | 0x3fff], 1),
+        (&[CELL], 0),
+        (&[split(0, 1), CELL, CELL], 1), // both halves at one place
+        (&[split(0, 2), CELL], 1),       // beyond the end
+        (&[split(0, 0xfff)], 1),
+        (&[split(0, 0), 0, 0], 1),
+        (&[split(0, 0), 3, 0, CELL, CELL], 1),
+        (&[split(0, 0), 0xffff, 0xffff, CELL, CELL], 1),
+        (&[split(0, 0)], 1),
+        (&[split(6, 2), CELL, CELL], 1),
+        (&[split(7, 2), CELL, CELL], 1),
+        (&[split(0, 2), split(0, 2), split(0, 2)], 1),
+    ];
+    for (words, seeds) in malformed {
+        let bytes = made(words, &vec![seed; seeds]);
+        assert_eq!(at(&bytes), Err(TableFault::Malformed), "{words:x?}");
+        let table = Table::open(&bytes).expect("opens");
+        assert_eq!(table.states(&robot, &load, &start), Err(TableFault::Malformed), "{words:x?}");
     }
     // Seeds that lead nowhere.
     for chart in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -372,11 +399,26 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
     // The deepest tree, and one deeper; the lowest x stays in the lower half.
     let (edge, _, _) = poses(&Reader(&TABLE).place(&[0.0, 0.5, 0.5, 0.5, 0.5, 0.5]));
     for (depth, wanted) in [(MAX_DEPTH, Ok(seed)), (MAX_DEPTH + 1, Err(TableFault::Malformed))] {
-        let depth = u32::try_from(depth).expect("small");
-        let mut nodes: Vec<u32> = (0..depth).map(|index| split(0, index + 1)).collect();
-        nodes.extend([CELL, CELL]);
-        let bytes = made(&nodes, &[seed]);
+        let depth = u16::try_from(depth).expect("small");
+        // Of the words behind a split the upper half is the last one.
+        let mut words: Vec<u16> = (0..depth).map(|index| split(0, 2 * (depth - index))).collect();
+        words.extend(vec![CELL; usize::from(depth) + 1]);
+        let bytes = made(&words, &[seed]);
         assert_eq!(Table::open(&bytes).expect("opens").seed_at(&edge), wanted, "{depth}");
+    }
+    // A lower half too long for one word: host and core agree on what is written then.
+    let node = Node::Split { coordinate: 2, lower: 0, upper: 5000 };
+    let (words, count) = node.encode();
+    let words = [&words[..count], &[CELL; 5001]].concat();
+    let bytes = made(&words, &[seed]);
+    let table = Table::open(&bytes).expect("opens");
+    assert_eq!(table.node(0), Some(Node::Split { coordinate: 2, lower: 3, upper: 5003 }));
+    assert_eq!(table.node(5003), Some(Node::Cell { seed: 0 }));
+    assert_eq!(table.node(5004), None);
+    for seed in [0, 0x3ffe, 0x3fff, 0x12_3456] {
+        let (words, count) = Node::Cell { seed }.encode();
+        let bytes = made(&words[..count], &[]);
+        assert_eq!(Table::open(&bytes).expect("opens").node(0), Some(Node::Cell { seed }));
     }
     // Gaps of today and of tomorrow.
     for (code, gap) in
@@ -395,8 +437,10 @@ fn a_wrong_header_is_refused_though_the_checksum_is_right() {
         let bytes = repaired(bytes);
         Table::open(&bytes).map(|_| ())
     };
-    assert_eq!(with(8, &[0, 0]), Err(TableFault::OlderVersion(0)));
-    assert_eq!(with(8, &[2, 0]), Err(TableFault::NewerVersion(2)));
+    for version in [0, 1] {
+        assert_eq!(with(8, &[version, 0]), Err(TableFault::OlderVersion(u16::from(version))));
+    }
+    assert_eq!(with(8, &[3, 0]), Err(TableFault::NewerVersion(3)));
     for model in [0, 2, 255] {
         assert_eq!(with(10, &[model]), Err(TableFault::OtherModel(model)));
     }

@@ -283,7 +283,7 @@ struct Contents {
     bytes: usize,
     version: u16,
     steps: u8,
-    nodes: usize,
+    words: usize,
     seeds: usize,
     cells: usize,
     low: [f32; COORDINATES],
@@ -308,13 +308,13 @@ impl Inspect {
         while let Some((index, low, high)) = stack.pop() {
             seen += 1;
             // In a tree no node is met twice.
-            match table.node(index).filter(|_| seen <= table.nodes()) {
-                Some(Node::Split { coordinate: k, first }) if k < COORDINATES && first > index => {
+            match table.node(index).filter(|_| seen <= table.words()) {
+                Some(Node::Split { coordinate: k, lower: first, upper: second }) => {
                     let middle = 0.5 * (low[k] + high[k]);
                     let (mut lower, mut upper) = (high, low);
                     lower[k] = middle;
                     upper[k] = middle;
-                    stack.push((first + 1, upper, high));
+                    stack.push((second, upper, high));
                     stack.push((first, low, lower));
                 }
                 Some(Node::Cell { .. }) => cells += 1,
@@ -333,7 +333,7 @@ impl Inspect {
             bytes: bytes.len(),
             version: cdpr_core::table::VERSION,
             steps: table.steps(),
-            nodes: table.nodes(),
+            words: table.words(),
             seeds: table.seeds(),
             cells,
             low: table.low(),
@@ -353,8 +353,8 @@ impl Inspect {
         writeln!(out, "warm-start table, version {}, {} bytes", c.version, c.bytes)?;
         writeln!(
             out,
-            "{} cells, {} seeds, {} nodes; at most {} Newton steps",
-            c.cells, c.seeds, c.nodes, c.steps
+            "{} cells, {} seeds, a tree of {} words; at most {} Newton steps",
+            c.cells, c.seeds, c.words, c.steps
         )?;
         for (k, name) in
             ["x [m]", "y [m]", "z [m]", "turn x", "turn y", "turn z"].iter().enumerate()

@@ -7,7 +7,7 @@
 //! Newton's method leads to one solution, so that the solution is continuous over both.
 
 use cdpr_core::CABLES;
-use cdpr_core::table::{COORDINATES, Gap};
+use cdpr_core::table::{COORDINATES, Gap, shortened};
 use serde::{Deserialize, Serialize};
 
 use super::place::{Point, PoseBox};
@@ -155,7 +155,7 @@ impl Tiler<'_> {
                 return Plan::Nothing(Gap::BeyondLimits);
             }
             #[allow(clippy::cast_possible_truncation)] // that is what is stored
-            let own = found.charts.map(|c| c as f32);
+            let own = found.charts.map(|chart| shortened(chart as f32));
             match self.examine(part, &own) {
                 // A seed that others have already makes a smaller table.
                 Ok(cell) => {

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 
 use cdpr_core::table::{
-    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, MAX_NODES, MAX_SEEDS, NODE_BYTES, Node,
-    SEED_BYTES, VERSION, checksum, offset,
+    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, MAX_SEEDS, MAX_WORDS, Node, SEED_BYTES,
+    VERSION, WORD_BYTES, checksum, offset,
 };
 use cdpr_core::{CABLES, Load, Robot};
 
@@ -39,20 +39,18 @@ pub(super) fn write(
     plan: &Plan,
 ) -> Result<Vec<u8>, WriteFault> {
     let mut body = Body::default();
-    body.nodes.push(0);
-    body.add(plan, 0);
-    for (count, most) in [(body.seeds.len(), MAX_SEEDS), (body.nodes.len(), MAX_NODES)] {
+    let tree = body.tree(plan);
+    for (count, most) in [(body.seeds.len(), MAX_SEEDS), (tree.len(), MAX_WORDS)] {
         if count > most as usize {
             return Err(WriteFault::TooLarge(count));
         }
     }
-    let total =
-        offset::TREE + NODE_BYTES * body.nodes.len() + SEED_BYTES * body.seeds.len() + CRC_BYTES;
+    let total = offset::TREE + WORD_BYTES * tree.len() + SEED_BYTES * body.seeds.len() + CRC_BYTES;
     let mut bytes = Vec::with_capacity(total);
     bytes.extend(MAGIC);
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend([ELASTIC_CATENARY, body.steps]);
-    for count in [total, body.nodes.len(), body.seeds.len(), 0, 0] {
+    for count in [total, tree.len(), body.seeds.len(), 0, 0] {
         bytes.extend((count as u32).to_le_bytes());
     }
     let mut floats = |values: &[f32]| bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
@@ -72,30 +70,29 @@ pub(super) fn write(
     floats(&load.moment_nm.map(|c| c as f32).data.0[0]);
     floats(&header.limits_m);
     debug_assert_eq!(bytes.len(), offset::TREE);
-    bytes.extend(body.nodes.iter().flat_map(|node| node.to_le_bytes()));
-    bytes.extend(body.seeds.iter().flatten().flat_map(|chart| chart.to_le_bytes()));
+    bytes.extend(tree.iter().flat_map(|word| word.to_le_bytes()));
+    let upper = |chart: &f32| ((chart.to_bits() >> 16) as u16).to_le_bytes();
+    bytes.extend(body.seeds.iter().flatten().flat_map(upper));
     bytes.extend(checksum(&bytes).to_le_bytes());
     Ok(bytes)
 }
 
 #[derive(Default)]
 struct Body {
-    nodes: Vec<u32>,
     seeds: Vec<[f32; CABLES]>,
     seed_numbers: HashMap<[u32; CABLES], usize>,
     steps: u8,
 }
 
 impl Body {
-    fn add(&mut self, plan: &Plan, index: usize) {
-        let node = match plan {
+    /// The words of a tree; its seeds and steps are kept.
+    fn tree(&mut self, plan: &Plan) -> Vec<u16> {
+        match plan {
             Plan::Split { coordinate, halves } => {
-                let first = self.nodes.len();
-                self.nodes.extend([0, 0]);
-                for (half, child) in halves.iter().zip(first..) {
-                    self.add(half, child);
-                }
-                Node::Split { coordinate: usize::from(*coordinate), first }
+                let [lower, upper] = halves.each_ref().map(|half| self.tree(half));
+                let coordinate = usize::from(*coordinate);
+                let node = Node::Split { coordinate, lower: 0, upper: lower.len() };
+                [words(node), lower, upper].concat()
             }
             Plan::Cell(cell) => {
                 self.steps = self.steps.max(cell.steps);
@@ -105,10 +102,14 @@ impl Body {
                 if seed == next {
                     self.seeds.push(cell.seed);
                 }
-                Node::Cell { seed }
+                words(Node::Cell { seed })
             }
-            Plan::Nothing(gap) => Node::Nothing(*gap),
-        };
-        self.nodes[index] = node.encode();
+            Plan::Nothing(gap) => words(Node::Nothing(*gap)),
+        }
     }
+}
+
+fn words(node: Node) -> Vec<u16> {
+    let (words, count) = node.encode();
+    words[..count].to_vec()
 }
