@@ -1,22 +1,16 @@
 //! The command line.
 
-use std::fs::File;
-use std::io::{self, IsTerminal, Write};
-use std::num::NonZeroU16;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
-use tempfile::NamedTempFile;
 
-use crate::branches::{BranchesError, Diagram, Parameter, Range};
-use crate::cases::{self, CasesError, Overrides};
-use crate::continuation::Steps;
-use crate::enumerate::{self, Enumeration, Method, ModelKind, Request};
-use crate::in_order;
+use crate::branches::BranchesError;
+use crate::cases::{CasesError, Overrides};
+use crate::enumerate::{ModelKind, Request};
 use crate::input_file::InputFileError;
 use crate::journal::JournalError;
-use crate::output;
 use crate::report::SlicesError;
 use crate::robot_file::RobotDescription;
 use crate::simulate::firmware::FirmwareError;
@@ -26,24 +20,25 @@ use crate::table::OrderError;
 use crate::workspace::{Grid, GridError};
 use cdpr_core::TableFault;
 
+use branches::Branches;
+use enumerate::Enumerate;
+
+mod branches;
+mod enumerate;
 mod forward;
 mod import;
 mod report;
 mod simulate;
 mod table;
+mod whole_file;
 mod workspace;
 
 /// The paper's pose with five solutions: position in m, mass in kg, linear density in kg/m.
 const FIVE_SOLUTIONS: ([f64; 3], f64, f64) = ([0.96733, 11.3833, 1.65], 10.0, 0.004);
 
-const CASES_HELP: &str = "\
-Many poses from a file, JSON Lines or a JSON array, of objects with position_m and optionally \
-rotation_vector_rad, mass_kg, gravity_m_s2, linear_density_kg_m, axial_stiffness_n, max_length_m, \
-max_tension_n; what a case leaves out is taken from the command line, then from the robot file";
-
 const THREADS_HELP: &str = "\
-Threads for the poses of --cases; the answers are the same for any number [default: one for each \
-core, or RAYON_NUM_THREADS from the environment]";
+Threads; what is written is the same for any number [default: one for each core, or \
+RAYON_NUM_THREADS from the environment]";
 
 /// Inverse kinematics of cable-driven parallel robots with six deformable cables.
 ///
@@ -140,54 +135,6 @@ impl Poses {
     fn rotation_vector(&self) -> [f64; 3] {
         self.rotation_vector.unwrap_or_default()
     }
-}
-
-#[derive(Debug, Args)]
-struct Enumerate {
-    #[command(flatten)]
-    question: Question,
-    /// Many poses from a file, JSON Lines or a JSON array
-    #[arg(long, long_help = CASES_HELP, value_name = "FILE")]
-    #[arg(conflicts_with_all = ["position", "rotation_vector"])]
-    cases: Option<PathBuf>,
-    /// How to search
-    #[arg(long, value_enum, default_value_t = Method::Both)]
-    method: Method,
-    /// How sure each step of continuation is
-    #[arg(long, value_enum, default_value_t = Steps::Certified)]
-    steps: Steps,
-    /// Follow every solution back to non-deformable cables as well (the inverse scheme)
-    #[arg(long)]
-    retrace: bool,
-    /// Write the cable shapes of each solution as well: DIR/solution-K.csv, and solution-K.vtp (VTK)
-    #[arg(long, value_name = "DIR", conflicts_with = "cases")]
-    shapes: Option<PathBuf>,
-    /// Output: tables, or JSON (one line for each case of --cases)
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[arg(long, help = THREADS_HELP, value_name = "N")]
-    threads: Option<NonZeroU16>,
-}
-
-#[derive(Debug, Args)]
-struct Branches {
-    #[command(flatten)]
-    question: Question,
-    /// What varies
-    #[arg(long, value_enum)]
-    parameter: Parameter,
-    /// Lower end of its range, in its unit
-    #[arg(long, value_name = "VALUE", value_parser = positive, allow_hyphen_values = true)]
-    from: f64,
-    /// Upper end of its range, in its unit
-    #[arg(long, value_name = "VALUE", value_parser = positive, allow_hyphen_values = true)]
-    to: f64,
-    /// Draw the branches to a file (SVG) as well
-    #[arg(long, value_name = "FILE")]
-    plot: Option<PathBuf>,
-    /// Output: tables, or JSON with the points of every branch
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -363,195 +310,6 @@ fn progress_bar(count: usize, what: &str) -> ProgressBar {
     ProgressBar::with_draw_target(Some(count as u64), target)
         .with_style(style)
         .with_finish(ProgressFinish::AndClear)
-}
-
-impl Enumerate {
-    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
-        let requests = self.requests()?;
-        if let Some(folder) = &self.shapes {
-            new_folder_for_shapes(folder)?;
-        }
-        let threads = in_order::threads(self.threads.map(|n| n.get().into()))?;
-        let progress = progress_bar(requests.len(), "poses");
-        // Where both are seen on one screen, the bar makes way for the answers.
-        let one_screen = !progress.is_hidden() && io::stdout().is_terminal();
-        in_order::for_each(
-            &threads,
-            &requests,
-            |request| self.answer(request),
-            |answer| {
-                let answer = answer?;
-                let mut write = || {
-                    out.write_all(&answer)?;
-                    out.flush() // what is done can be used while the rest is computed
-                };
-                if one_screen { progress.suspend(write) } else { write() }?;
-                progress.inc(1);
-                Ok(())
-            },
-        )
-    }
-
-    /// The answer to one request as it is written.
-    fn answer(&self, request: &Request) -> Result<Vec<u8>, CliError> {
-        let json = self.format == Format::Json;
-        let answer = request.enumerate(enumerate::Options {
-            method: self.method,
-            steps: self.steps,
-            retrace: self.retrace,
-            kantorovich: json,
-        })?;
-        if let Some(folder) = &self.shapes {
-            write_shapes(folder, request, &answer)?;
-        }
-        let mut text = match self.format {
-            Format::Text => output::text(request, &answer).into_bytes(),
-            Format::Json => {
-                let document = output::json(request, self.method, &answer);
-                let write = if self.cases.is_some() {
-                    serde_json::to_vec
-                } else {
-                    serde_json::to_vec_pretty
-                };
-                write(&document).map_err(io::Error::from)?
-            }
-        };
-        text.push(b'\n');
-        Ok(text)
-    }
-
-    fn requests(&self) -> Result<Vec<Request>, CliError> {
-        let Some(path) = &self.cases else {
-            return Ok(vec![self.question.request()?]);
-        };
-        let machine = &self.question.machine;
-        let (robot, overrides) = (machine.described()?, machine.overrides());
-        Ok(cases::read(Path::new(path), &robot, overrides, self.question.model)?)
-    }
-}
-
-impl Branches {
-    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
-        let fixed = match self.parameter {
-            Parameter::LinearDensity => (self.question.machine.linear_density, "--linear-density"),
-            Parameter::AxialStiffness => {
-                (self.question.machine.axial_stiffness, "--axial-stiffness")
-            }
-            Parameter::Mass => (self.question.machine.mass, "--mass"),
-        };
-        if let (Some(_), option) = fixed {
-            return Err(CliError::Fixed(option));
-        }
-        let range = Range::new(self.from, self.to)?;
-        let request = self.question.request()?;
-        let picture =
-            self.plot.as_deref().map(|path| WholeFile::new(path, "--plot")).transpose()?;
-        let diagram = Diagram::trace(&request, self.parameter, range)?;
-        if let Some(picture) = picture {
-            let svg = output::diagram::svg(&request, &diagram)
-                .map_err(|fault| CliError::Plot(io::Error::other(fault.to_string())))?;
-            picture.write(svg.as_bytes()).map_err(CliError::Plot)?;
-        }
-        match self.format {
-            Format::Text => write!(out, "{}", output::diagram::text(&request, &diagram))?,
-            Format::Json => write_pretty(out, &output::diagram::json(&request, &diagram))?,
-        }
-        Ok(out.flush()?)
-    }
-}
-
-const SHAPES: &str = "--shapes";
-
-/// Makes the folder for shapes, or refuses one with those of another answer.
-fn new_folder_for_shapes(folder: &Path) -> Result<(), CliError> {
-    let place = |path: &Path, source| CliError::Place {
-        option: SHAPES,
-        path: path.display().to_string(),
-        source,
-    };
-    std::fs::create_dir_all(folder).map_err(|source| place(folder, source))?;
-    let mut earlier = Vec::new();
-    for entry in folder.read_dir().map_err(|source| place(folder, source))? {
-        let path = entry.map_err(|source| place(folder, source))?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with("solution-") {
-            earlier.push(path);
-        }
-    }
-    match earlier.into_iter().min() {
-        Some(path) => Err(place(&path, io::Error::other("there from another answer; remove it"))),
-        None => Ok(()),
-    }
-}
-
-/// The cable shapes of each solution, in two files.
-fn write_shapes(folder: &Path, request: &Request, answer: &Enumeration) -> Result<(), CliError> {
-    for (number, found) in (1..).zip(&answer.solutions) {
-        let shapes = request.shapes(&found.solution)?;
-        let table = output::shapes::csv(&shapes).map_err(io::Error::other)?;
-        let picture = output::shapes::vtp(request, &shapes).into_bytes();
-        for (kind, bytes) in [("csv", table), ("vtp", picture)] {
-            let path = folder.join(format!("solution-{number}.{kind}"));
-            WholeFile::new(&path, SHAPES)?.write(&bytes)?;
-        }
-    }
-    Ok(())
-}
-
-/// A file that appears as a whole or not at all.
-struct WholeFile {
-    path: PathBuf,
-    /// As it was given.
-    name: String,
-    option: &'static str,
-}
-
-impl WholeFile {
-    /// Makes sure that `path` can be written, and leaves what is there alone.
-    fn new(path: &Path, option: &'static str) -> Result<Self, CliError> {
-        // Through a link, to the file that it stands for.
-        let name = path.display().to_string();
-        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let file = Self { path, name, option };
-        if file.path.exists() && !file.path.is_file() {
-            return Err(file.refuse(io::Error::other("it is there already, and is no file")));
-        }
-        // Gone again at once: whoever is killed before there is something to write leaves nothing behind.
-        file.draft().map_err(|source| file.refuse(source))?;
-        Ok(file)
-    }
-
-    fn draft(&self) -> io::Result<NamedTempFile> {
-        let folder = match self.path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt as _;
-            // As any new file; the default is for secrets.
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        builder.prefix(".cdpr-").tempfile_in(folder)
-    }
-
-    fn refuse(&self, source: io::Error) -> CliError {
-        CliError::Place { option: self.option, path: self.name.clone(), source }
-    }
-
-    fn write(&self, bytes: &[u8]) -> io::Result<()> {
-        self.write_with(|file| file.write_all(bytes))
-    }
-
-    /// Writes what `content` writes; it is on the disk when this returns.
-    fn write_with(&self, content: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
-        let mut draft = self.draft()?;
-        content(draft.as_file_mut())?;
-        draft.as_file().sync_all()?;
-        draft.persist(&self.path).map_err(|error| error.error)?;
-        Ok(())
-    }
 }
 
 fn write_pretty(out: &mut impl Write, document: &impl serde::Serialize) -> io::Result<()> {

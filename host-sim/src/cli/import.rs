@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{CliError, WholeFile, positive};
+use super::whole_file::WholeFile;
+use super::{CliError, positive};
 use crate::import::{Given, Reading, read};
 use crate::robot_file::RobotDescription;
 

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{CliError, Question, WholeFile, positive};
+use super::whole_file::WholeFile;
+use super::{CliError, Question, positive};
 use crate::branches::{Parameter, Range};
 use crate::enumerate::{ModelKind, Options, Request};
 use crate::output::counted;

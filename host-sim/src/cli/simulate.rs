@@ -10,7 +10,8 @@ use cdpr_core::Table;
 use cdpr_link::Identity;
 use clap::Args;
 
-use super::{CliError, Format, WholeFile, positive, progress_bar, write_pretty};
+use super::whole_file::WholeFile;
+use super::{CliError, Format, positive, progress_bar, write_pretty};
 use crate::cases::Overrides;
 use crate::output::run as output;
 use crate::robot_file::RobotDescription;

@@ -8,9 +8,9 @@ use cdpr_core::table::{COORDINATES, Node, Table};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
+use super::whole_file::WholeFile;
 use super::{
-    CliError, Format, Machine, Poses, Question, THREADS_HELP, WholeFile, progress_bar, ranges,
-    write_pretty,
+    CliError, Format, Machine, Poses, Question, THREADS_HELP, progress_bar, ranges, write_pretty,
 };
 use crate::choice::Choice;
 use crate::in_order;

@@ -8,9 +8,8 @@ use std::time::Instant;
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
-use super::{
-    CliError, Format, Machine, Poses, THREADS_HELP, WholeFile, progress_bar, write_pretty,
-};
+use super::whole_file::WholeFile;
+use super::{CliError, Format, Machine, Poses, THREADS_HELP, progress_bar, write_pretty};
 use crate::choice::Choice;
 use crate::enumerate::ModelKind;
 use crate::in_order;
