@@ -280,11 +280,12 @@ impl Node {
         let long = |word: u16, number: usize| ([word, number as u16, (number >> 16) as u16], 3);
         match self {
             Self::Split { coordinate, lower, upper } => {
-                let (word, skip) = ((coordinate as u16) << 12, upper - lower + 1);
+                let word = (coordinate as u16) << 12;
+                let skip = upper.saturating_sub(lower).saturating_add(1);
                 if skip <= usize::from(SKIP) {
                     ([word | skip as u16, 0, 0], 1)
                 } else {
-                    long(word, skip + 2)
+                    long(word, skip.saturating_add(2))
                 }
             }
             Self::Cell { seed } if seed < usize::from(SEED) => ([CELL | seed as u16, 0, 0], 1),
