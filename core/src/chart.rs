@@ -19,16 +19,29 @@
 //! in arc length: both need 270 cells to cover the workspace of MARIONET-CRANE in five steps. (Factors 1/4
 //! and 1 in place of 1/2 need more.)
 //!
-//! # Newton's method
+//! # Newton's method, one cable eliminated
 //!
-//! [`converge`] solves the six equations of equilibrium for six coordinates. Every iterate is on its curves,
-//! so that nothing but the curvature in `p` keeps it from the solution, which the table builder of the host
-//! bounds in interval arithmetic: with `M(p)` the columns `G_i dF_i/dp_i`, the error `e` after a step obeys
-//! `M(p) e' = sum_i G_i F_i''(somewhere between) e_i^2 / 2`.
+//! Where a cable goes from taut to slack its curve bends, within a few newtons, and tangents say little. [`Start::step`]
+//! replaces the curves of five cables by their tangents and keeps the sixth, which is said by the start, as it is. Six
+//! equations in five unknowns leave one that is linear in the force of the sixth cable:
+//!
+//! ```text
+//! a . F(q) + c = 0
+//! ```
+//!
+//! a line across its force curve, which it meets where the slope `a . dF/dq` has the sign of the determinant of the six
+//! columns `G_i dF_i/dp_i` on the wanted sheet, and once more where it has the other. The start has a bracket of `q` in
+//! which the slope has the right sign throughout, so that a search by signs finds the one. (Nonlinear elimination, as in
+//! P. J. Lanzkron, D. J. Rose and J. T. Wilkes, *An analysis of approximate nonlinear elimination*, 1996.)
+//!
+//! The error `e` of the five others after a step is that of their tangents alone, however sharply the sixth bends:
+//! `sum M_i e_i + G_6 (F_6(q) - F_6(q*)) = sum G_i F_i''(somewhere between) e_i^2 / 2`. One to three steps do, from
+//! anywhere within some half a metre on MARIONET-CRANE. The table builder of the host bounds all this in interval
+//! arithmetic. [`ChartStep`] is Newton's method with no cable eliminated, for the host's search for starts.
 
 use nalgebra::{ArrayStorage, Matrix6, Vector2};
 
-use crate::elimination::Elimination;
+use crate::elimination::{Condensed, Elimination};
 use crate::statics::Balance;
 use crate::{CABLES, CableModel, CableState, Real, Robot, Scalar, StepFault};
 
@@ -38,6 +51,13 @@ pub(crate) const CHART_SCALE: f64 = 0.5;
 /// Newton steps of [`root`] and of the strain of [`Charted::hang`] at most.
 const ROOT_STEPS: u32 = 8;
 const STRAIN_STEPS: u32 = 4;
+
+/// Points of its curve at most.
+pub const SCALAR_STEPS: u32 = 48;
+/// So many of them may be steps of Newton's method.
+const NEWTON_STEPS: u32 = 12;
+/// A step along it so short, in units of `1 + |p|`, is the last.
+pub const CROSSED: f64 = 1.0 / (1 << 10) as f64;
 
 /// No coordinate leaves this range on the way: tensions of `w d/2` times this, or lengths of `x` times this.
 const FARTHEST: f64 = 1e6;
@@ -66,6 +86,15 @@ pub struct ChartPoint<T: Scalar> {
     pub state: CableState<T>,
     /// Change of the force per unit of the coordinate, N.
     pub force_by_chart_n: Vector2<T>,
+}
+
+impl<T: Real> ChartPoint<T> {
+    #[inline]
+    fn is_finite(&self) -> bool {
+        let (state, slope) = (&self.state, &self.force_by_chart_n);
+        // One sum instead of five checks: infinities and NaN do not cancel out of it.
+        (state.force_n.x + state.force_n.y + state.rest_length_m + slope.x + slope.y).is_finite()
+    }
 }
 
 /// A cable model whose force curves have a chart.
@@ -212,33 +241,173 @@ fn points<T: Real, M: Charted<T>>(
         let plane = &balance.planes()[i];
         robot.cables()[i].model.hang(plane.x_m, plane.z_m, charts[i])
     });
-    for (i, point) in points.iter().enumerate() {
-        let (state, slope) = (&point.state, &point.force_by_chart_n);
-        // One sum instead of five checks: infinities and NaN do not cancel out of it.
-        let sum = state.force_n.x + state.force_n.y + state.rest_length_m + slope.x + slope.y;
-        if !sum.is_finite() {
-            return Err(StepFault::SingularCable(i));
-        }
+    match points.iter().position(|point| !point.is_finite()) {
+        Some(i) => Err(StepFault::SingularCable(i)),
+        None => Ok(points),
     }
-    Ok(points)
 }
 
-/// Takes `steps` Newton steps from six coordinates and returns the states they lead to: on the curves of the
-/// pose, and in equilibrium as far as the steps suffice, which is for the caller to know.
+/// Where Newton's method with one cable eliminated starts, and which of the solutions that it may meet is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start<T> {
+    /// Coordinates of the six cables.
+    pub charts: [T; CABLES],
+    /// The cable that is eliminated.
+    pub eliminated: usize,
+    /// Coordinates between which its point is looked for, the taut one first.
+    pub bracket: [T; 2],
+    /// Sign of the determinant of the six columns `G_i dF_i/dp_i` at the solution.
+    pub is_positive: bool,
+}
+
+impl<T: Real> Start<T> {
+    /// One step from here at the pose of `balance`.
+    ///
+    /// Cost: five points of force curves, one elimination, and some five points of the eliminated curve
+    /// ([`SCALAR_STEPS`] at most).
+    ///
+    /// # Errors
+    /// [`StepFault`] when a number leaves its range, the five tangents are dependent, or the search in the bracket does
+    /// not end.
+    #[inline]
+    pub fn step<M: Charted<T>>(
+        &self,
+        robot: &Robot<T, M>,
+        balance: &Balance<T>,
+    ) -> Result<Self, StepFault> {
+        let sixth = self.eliminated;
+        let (Some(cable), Some(plane), Some(chart)) =
+            (robot.cables().get(sixth), balance.planes().get(sixth), self.charts.get(sixth))
+        else {
+            return Err(StepFault::SingularStatics);
+        };
+        let mut columns = [[T::zero(); CABLES]; 8];
+        let mut sum = *balance.wrench_n();
+        let mut free = columns.iter_mut();
+        let all = robot.cables().iter().zip(balance.planes()).zip(&self.charts);
+        for (i, ((cable, plane), chart)) in all.enumerate() {
+            if i == sixth {
+                continue;
+            }
+            let point = cable.model.hang(plane.x_m, plane.z_m, *chart);
+            if !point.is_finite() {
+                return Err(StepFault::SingularCable(i));
+            }
+            sum += plane.wrench_n(&point.state.force_n);
+            if let Some(column) = free.next() {
+                *column = plane.wrench_n(&point.force_by_chart_n).data.0[0];
+            }
+        }
+        columns[5] = plane.wrench_n(&Vector2::new(T::one(), T::zero())).data.0[0];
+        columns[6] = plane.wrench_n(&Vector2::new(T::zero(), T::one())).data.0[0];
+        columns[7] = sum.data.0[0];
+        let condensed = Condensed::new(columns).ok_or(StepFault::SingularStatics)?;
+        // The determinant with the column of the sixth cable in its place: so many exchanges.
+        let is_even = (CABLES - 1 - sixth) & 1 == 0;
+        let sign = if self.is_positive == is_even { T::one() } else { -T::one() };
+        let [x, z, rest] = condensed.left().map(|entry| sign * entry);
+        let line = Line { normal: Vector2::new(x, z), offset_n: rest };
+        let (chart, force_n) = line
+            .crossing(&cable.model, (plane.x_m, plane.z_m), *chart, self.bracket)
+            .ok_or(StepFault::SingularCable(sixth))?;
+        let changes = condensed.solve(&[force_n.x, force_n.y, T::one()]);
+        let farthest = T::constant(FARTHEST);
+        let mut next = *self;
+        let mut changes = changes.into_iter();
+        for (i, to) in next.charts.iter_mut().enumerate() {
+            if i == sixth {
+                *to = chart;
+            } else if let Some(change) = changes.next() {
+                *to = (*to + change).max(-farthest).min(farthest);
+            }
+        }
+        Ok(next)
+    }
+}
+
+/// A line in the plane of a cable, `normal . F + offset = 0`: the forces that the five others can balance.
+struct Line<T> {
+    normal: Vector2<T>,
+    offset_n: T,
+}
+
+impl<T: Real> Line<T> {
+    /// The point of a force curve on the line, in a bracket of its coordinate over which `normal . F + offset` rises;
+    /// coordinate and force.
+    ///
+    /// Newton's method, halving where a step would leave the bracket or does not shrink fast, and from
+    /// [`NEWTON_STEPS`] on: what is left then is halved some forty times, so that it ends.
+    #[inline]
+    fn crossing<M: Charted<T>>(
+        &self,
+        model: &M,
+        (x_m, z_m): (T, T),
+        start: T,
+        [mut low, mut high]: [T; 2],
+    ) -> Option<(T, Vector2<T>)> {
+        let half = T::constant(0.5);
+        let mut chart = start.max(low).min(high);
+        let mut last_change = high - low;
+        for step in 0..SCALAR_STEPS {
+            let point = model.hang(x_m, z_m, chart);
+            if !point.is_finite() {
+                return None;
+            }
+            let force_n = point.state.force_n;
+            let excess_n = self.normal.dot(&force_n) + self.offset_n;
+            let slope_n = self.normal.dot(&point.force_by_chart_n);
+            if excess_n > T::zero() {
+                high = chart;
+            } else {
+                low = chart;
+            }
+            let change = -(excess_n / slope_n);
+            let next = chart + change;
+            let closest = T::constant(CROSSED) * (T::one() + chart.abs());
+            // False for NaN, all of them.
+            if change.abs() <= closest {
+                // What is left is of second order.
+                return Some((next, force_n + point.force_by_chart_n * change));
+            }
+            if high - low <= closest {
+                return Some((chart, force_n));
+            }
+            let shrinks = change.abs() <= half * last_change;
+            if shrinks && next >= low && next <= high && step < NEWTON_STEPS {
+                last_change = change.abs();
+                chart = next;
+            } else {
+                last_change = high - low;
+                chart = between(low, high);
+            }
+        }
+        None
+    }
+}
+
+/// A number between two coordinates: the mean of their roots, with signs.
+pub(crate) fn between<T: Real>(low: T, high: T) -> T {
+    let root = |chart: T| if chart < T::zero() { -(-chart).sqrt() } else { chart.sqrt() };
+    let middle = T::constant(0.5) * (root(low) + root(high));
+    middle * middle.abs()
+}
+
+/// Takes `steps` steps from `start` and returns the states they lead to: on the curves of the pose, and in equilibrium
+/// as far as the steps suffice, which is for the caller to know.
 ///
 /// # Errors
-/// [`StepFault`], as [`ChartStep::new`].
+/// [`StepFault`], as [`Start::step`].
 pub fn converge<T: Real, M: Charted<T>>(
     robot: &Robot<T, M>,
     balance: &Balance<T>,
-    charts: &[T; CABLES],
+    start: &Start<T>,
     steps: u8,
 ) -> Result<[CableState<T>; CABLES], StepFault> {
-    let mut charts = *charts;
+    let mut reached = *start;
     for _ in 0..steps {
-        charts = ChartStep::new(robot, balance, &charts)?.charts;
+        reached = reached.step(robot, balance)?;
     }
-    Ok(points(robot, balance, &charts)?.map(|point| point.state))
+    Ok(points(robot, balance, &reached.charts)?.map(|point| point.state))
 }
 
 #[cfg(test)]

@@ -18,6 +18,48 @@ pub struct Elimination<T: Scalar> {
     norm: T,
 }
 
+/// Brings the largest entry of column `K`, from row `K` down, to the diagonal, replaces it by its reciprocal and
+/// clears what is below in all later columns; which row it was in, and whether it was positive. `None` when it is
+/// not larger than `threshold`, or not finite.
+#[inline]
+fn eliminate<T: Real, const K: usize, const COLUMNS: usize>(
+    columns: &mut [[T; CABLES]; COLUMNS],
+    threshold: T,
+) -> Option<(usize, bool)> {
+    let mut pivot_size = columns[K][K].abs();
+    let mut pivot_row = K;
+    for i in K + 1..CABLES {
+        let size = columns[K][i].abs();
+        if size > pivot_size {
+            pivot_size = size;
+            pivot_row = i;
+        }
+    }
+    let regular = pivot_size > threshold && pivot_size <= T::HUGE; // false for NaN
+    if !regular {
+        return None;
+    }
+    if pivot_row != K {
+        for column in columns.iter_mut() {
+            column.swap(K, pivot_row);
+        }
+    }
+    let pivot = columns[K][K];
+    let reciprocal = T::one() / pivot;
+    columns[K][K] = reciprocal;
+    for i in K + 1..CABLES {
+        columns[K][i] *= reciprocal;
+    }
+    let factors = columns[K];
+    for column in columns.iter_mut().skip(K + 1) {
+        let top = column[K];
+        for i in K + 1..CABLES {
+            column[i] -= factors[i] * top;
+        }
+    }
+    Some((pivot_row, pivot > T::zero()))
+}
+
 impl<T: Real> Elimination<T> {
     /// Decomposes `matrix`; `None` when it is singular to working precision or not finite.
     ///
@@ -31,54 +73,24 @@ impl<T: Real> Elimination<T> {
         let mut this =
             Self { columns: matrix.data.0, order: [0, 1, 2, 3, 4, 5], positive: true, norm };
         // One column each, with every loop of constant length.
-        let regular = this.eliminate::<0>(threshold)
-            && this.eliminate::<1>(threshold)
-            && this.eliminate::<2>(threshold)
-            && this.eliminate::<3>(threshold)
-            && this.eliminate::<4>(threshold)
-            && this.eliminate::<5>(threshold);
-        regular.then_some(this)
+        this.eliminate::<0>(threshold)?;
+        this.eliminate::<1>(threshold)?;
+        this.eliminate::<2>(threshold)?;
+        this.eliminate::<3>(threshold)?;
+        this.eliminate::<4>(threshold)?;
+        this.eliminate::<5>(threshold)?;
+        Some(this)
     }
 
-    /// Brings the largest entry of column `K` to the diagonal and clears what is below; whether the
-    /// pivot is larger than `threshold`.
     #[inline]
-    fn eliminate<const K: usize>(&mut self, threshold: T) -> bool {
-        let mut pivot_size = self.columns[K][K].abs();
-        let mut pivot_row = K;
-        for i in K + 1..CABLES {
-            let size = self.columns[K][i].abs();
-            if size > pivot_size {
-                pivot_size = size;
-                pivot_row = i;
-            }
-        }
-        let regular = pivot_size > threshold && pivot_size <= T::HUGE; // false for NaN
-        if !regular {
-            return false;
-        }
-        if pivot_row != K {
-            for column in &mut self.columns {
-                column.swap(K, pivot_row);
-            }
-            self.order.swap(K, pivot_row);
+    fn eliminate<const K: usize>(&mut self, threshold: T) -> Option<()> {
+        let (row, is_positive) = eliminate::<T, K, CABLES>(&mut self.columns, threshold)?;
+        if row != K {
+            self.order.swap(K, row);
             self.positive = !self.positive;
         }
-        let pivot = self.columns[K][K];
-        self.positive = self.positive == (pivot > T::zero());
-        let reciprocal = T::one() / pivot;
-        self.columns[K][K] = reciprocal;
-        for i in K + 1..CABLES {
-            self.columns[K][i] *= reciprocal;
-        }
-        let factors = self.columns[K];
-        for column in self.columns.iter_mut().skip(K + 1) {
-            let top = column[K];
-            for i in K + 1..CABLES {
-                column[i] -= factors[i] * top;
-            }
-        }
-        true
+        self.positive = self.positive == is_positive;
+        Some(())
     }
 
     /// Solves `A x = b`. About 36 multiplications.
@@ -124,6 +136,65 @@ impl<T: Real> Elimination<T> {
     #[must_use]
     pub fn is_positive(&self) -> bool {
         self.positive
+    }
+}
+
+/// Six equations in five unknowns and three further columns, from which the unknowns are eliminated:
+/// `M y = -(c_0 t_0 + c_1 t_1 + c_2 t_2)`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Condensed<T> {
+    /// The five columns of `M` as in [`Elimination`], then the three others.
+    columns: [[T; CABLES]; 8],
+    positive: bool,
+}
+
+impl<T: Real> Condensed<T> {
+    /// `None` when the columns of `M` are dependent to working precision, or not finite. About 80 multiplications, 5
+    /// divisions.
+    #[inline]
+    pub(crate) fn new(columns: [[T; CABLES]; 8]) -> Option<Self> {
+        let norm = columns[..5]
+            .iter()
+            .map(|column| column.iter().fold(T::zero(), |sum, entry| sum + entry.abs()));
+        let threshold = norm.fold(T::zero(), T::max) * T::EPSILON;
+        let mut this = Self { columns, positive: true };
+        this.eliminate::<0>(threshold)?;
+        this.eliminate::<1>(threshold)?;
+        this.eliminate::<2>(threshold)?;
+        this.eliminate::<3>(threshold)?;
+        this.eliminate::<4>(threshold)?;
+        Some(this)
+    }
+
+    #[inline]
+    fn eliminate<const K: usize>(&mut self, threshold: T) -> Option<()> {
+        let (row, is_positive) = eliminate::<T, K, 8>(&mut self.columns, threshold)?;
+        self.positive = self.positive == ((row == K) == is_positive);
+        Some(())
+    }
+
+    /// The equation that is left: `sum t_k left[k] = 0`. Its sign is such that `left[k]` has that of the determinant of
+    /// the five columns and column `k`, in this order.
+    #[inline]
+    pub(crate) fn left(&self) -> [T; 3] {
+        let sign = if self.positive { T::one() } else { -T::one() };
+        core::array::from_fn(|k| sign * self.columns[5 + k][5])
+    }
+
+    /// The five unknowns for `t`.
+    #[inline]
+    pub(crate) fn solve(&self, t: &[T; 3]) -> [T; 5] {
+        let mut y: [T; 5] = core::array::from_fn(|i| {
+            let [a, b, c] = core::array::from_fn(|k| self.columns[5 + k][i] * t[k]);
+            -(a + b + c)
+        });
+        for j in (0..5).rev() {
+            y[j] *= self.columns[j][j];
+            for i in 0..j {
+                y[i] -= self.columns[j][i] * y[j];
+            }
+        }
+        y
     }
 }
 

@@ -6,14 +6,14 @@
 //! connected sheet, within so many steps, at every pose of the cell. The host's `cdpr table build` makes and
 //! proves it; [`Table`] reads it where it lies, without a copy, at any alignment.
 //!
-//! # Format, version 2
+//! # Format, version 3
 //!
 //! Little-endian. Lengths in m, forces in N, masses in kg; `f32` is IEEE 754 single precision.
 //!
 //! | offset | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `CDPRSEED` |
-//! | 8 | `u16` | version, 2 |
+//! | 8 | `u16` | version, 3 |
 //! | 10 | `u8` | cable model: 1, the elastic catenary |
 //! | 11 | `u8` | Newton steps that are certified to suffice |
 //! | 12 | `u32` | bytes in all, with the checksum |
@@ -28,7 +28,7 @@
 //! | 320 | 11 `f32` | load: mass (kg), centre of mass (m, 3), gravity (m/s^2), force (N, 3), moment (N m, 3) |
 //! | 364 | 6 `f32` | longest rest lengths for which the sheet was wanted, m |
 //! | 388 | 2 bytes a word | tree, root first |
-//! | | 12 bytes a seed | the coordinates of the six cables, of each the upper half of an `f32` (see [`shortened`]) |
+//! | | 16 bytes a seed | a `u16`: bits 0 to 2 the eliminated cable (0 to 5), bit 3 set where the determinant is positive; then the bracket of its coordinate and the coordinates of the five others, in their order, of each number the upper half of an `f32` (see [`Start`], [`shortened`]) |
 //! | last 4 | `u32` | CRC-32 (ISO-HDLC: that of zip and Ethernet) of all bytes before |
 //!
 //! The turn vector is [`Pose::turn_vector`]: the axis of the platform's turn times the sine of its angle.
@@ -48,14 +48,14 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-use crate::chart::{self, Charted};
+use crate::chart::{self, Charted, Start};
 use crate::statics::Balance;
 use crate::{CABLES, CableState, Load, Pose, Real, Robot};
 
 /// What a table begins with.
 pub const MAGIC: [u8; 8] = *b"CDPRSEED";
 /// The version of the format that is read and written.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 /// Tag of the elastic catenary, the only model of this version.
 pub const ELASTIC_CATENARY: u8 = 1;
 /// Part by which a parameter of the robot may differ from that of the table: two roundings to `f32`.
@@ -106,7 +106,9 @@ pub mod offset {
 /// Bytes of a word of the tree, a seed and the checksum.
 pub const WORD_BYTES: usize = 2;
 /// See [`WORD_BYTES`].
-pub const SEED_BYTES: usize = 12;
+pub const SEED_BYTES: usize = 2 * SEED_WORDS;
+/// Words of a seed.
+pub const SEED_WORDS: usize = 8;
 /// See [`WORD_BYTES`].
 pub const CRC_BYTES: usize = 4;
 
@@ -436,17 +438,17 @@ impl<'a> Table<'a> {
         load: &Load<T>,
         pose: &Pose<T>,
     ) -> Result<[CableState<T>; CABLES], TableFault> {
-        let charts = self.seed_at(pose)?;
+        let start = self.start_at(pose)?;
         // From a cell there is a way, by proof.
         let balance = Balance::at(robot, load, pose).map_err(|_| TableFault::Malformed)?;
-        chart::converge(robot, &balance, &charts, self.steps()).map_err(|_| TableFault::Malformed)
+        chart::converge(robot, &balance, &start, self.steps()).map_err(|_| TableFault::Malformed)
     }
 
-    /// The seed for `pose`: coordinates of the six force curves.
+    /// The seed for `pose`.
     ///
     /// # Errors
     /// [`TableFault`]: outside the region, uncovered, malformed.
-    pub fn seed_at<T: Real>(&self, pose: &Pose<T>) -> Result<[T; CABLES], TableFault> {
+    pub fn start_at<T: Real>(&self, pose: &Pose<T>) -> Result<Start<T>, TableFault> {
         let place = coordinates(pose).ok_or(TableFault::OutsideRegion)?;
         let (low, extent) = (self.low(), self.extent());
         let mut t = [T::zero(); COORDINATES];
@@ -472,8 +474,14 @@ impl<'a> Table<'a> {
                     }
                 }
                 Node::Cell { seed } => {
-                    let seed = self.seed(seed).ok_or(TableFault::Malformed)?;
-                    return Ok(seed.map(|chart| T::constant(f64::from(chart))));
+                    let start = self.seed(seed).ok_or(TableFault::Malformed)?;
+                    let number = |number: f32| T::constant(f64::from(number));
+                    return Ok(Start {
+                        charts: start.charts.map(number),
+                        eliminated: start.eliminated,
+                        bracket: start.bracket.map(number),
+                        is_positive: start.is_positive,
+                    });
                 }
                 Node::Nothing(gap) => return Err(TableFault::Uncovered(gap)),
             }
@@ -570,17 +578,51 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// A seed.
+    /// A seed. `None` when there is none, or it makes no sense.
     #[inline]
     #[must_use]
-    pub fn seed(&self, index: usize) -> Option<[f32; CABLES]> {
+    pub fn seed(&self, index: usize) -> Option<Start<f32>> {
         if index >= self.seeds {
             return None;
         }
         let at = offset::TREE + WORD_BYTES * self.words + SEED_BYTES * index;
-        let upper = |i: usize| u32::from(u16_at(self.bytes, at + 2 * i)) << 16;
-        Some(core::array::from_fn(|i| f32::from_bits(upper(i))))
+        decoded(core::array::from_fn(|word| u16_at(self.bytes, at + 2 * word)))
     }
+}
+
+/// Bit of the first word of a seed, besides the eliminated cable.
+const IS_POSITIVE: u16 = 1 << 3;
+
+/// A seed as it is written. The lower halves of its numbers are lost: see [`shortened`].
+#[must_use]
+#[allow(clippy::cast_possible_truncation)] // below eight
+pub fn encoded(seed: &Start<f32>) -> [u16; SEED_WORDS] {
+    let upper = |number: f32| (number.to_bits() >> 16) as u16;
+    let kind = (seed.eliminated & 7) as u16 | if seed.is_positive { IS_POSITIVE } else { 0 };
+    let [low, high] = seed.bracket.map(upper);
+    let mut words = [kind, low, high, 0, 0, 0, 0, 0];
+    let others = seed.charts.iter().enumerate().filter(|(i, _)| *i != seed.eliminated);
+    for (word, (_, chart)) in words.iter_mut().skip(3).zip(others) {
+        *word = upper(*chart);
+    }
+    words
+}
+
+/// The inverse of [`encoded`]; `None` when the words make no sense. The coordinate of the eliminated cable is between
+/// those of the bracket.
+#[inline]
+#[must_use]
+pub fn decoded([kind, low, high, others @ ..]: [u16; SEED_WORDS]) -> Option<Start<f32>> {
+    let number = |upper: u16| f32::from_bits(u32::from(upper) << 16);
+    let (eliminated, bracket) = (usize::from(kind & 7), [number(low), number(high)]);
+    let is_sound = eliminated < CABLES && kind >> 4 == 0 && bracket[0] < bracket[1];
+    let mut charts = [chart::between(bracket[0], bracket[1]); CABLES];
+    let free = charts.iter_mut().enumerate().filter(|(i, _)| *i != eliminated);
+    for ((_, chart), word) in free.zip(others) {
+        *chart = number(word);
+    }
+    let is_positive = kind & IS_POSITIVE != 0;
+    is_sound.then_some(Start { charts, eliminated, bracket, is_positive })
 }
 
 /// Position (m) and turn vector of a pose; `None` for turns of a right angle and more.

@@ -82,13 +82,12 @@ pub const EMPTY: Payload = Payload {
     ],
 };
 
-/// The warm-start table of the crane with the payload [`LOADED`], of 8 cells. It covers what start and
-/// recovery need, [`TAUT`](crate::path::TAUT) where it is level within a degree, as tilted poses take long
-/// to prove: not done within minutes for 3 degrees.
+/// The warm-start table of the crane with the payload [`LOADED`], of one cell. It covers what start and
+/// recovery need, [`TAUT`](crate::path::TAUT) where it is level within a degree.
 ///
 /// ```text
 /// cdpr table build --position 2,7,2.5 --region 1.8..2.2,6.8..7.2,1.8..2.6 --tilt-deg 1 \
-///     --max-length 50 --steps 5 --out firmware-example/tables/marionet-crane.cdpr
+///     --max-length 50 --steps 3 --out firmware-example/tables/marionet-crane.cdpr
 /// ```
 pub const TABLE: &[u8] = include_bytes!("../tables/marionet-crane.cdpr");
 

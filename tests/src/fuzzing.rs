@@ -315,7 +315,7 @@ fn look_up(table: &Table<'_>, bytes: &[u8]) {
         let v = sine / (2.0 * half);
         let turn = UnitQuaternion::new_unchecked(Quaternion::new(half, v.x, v.y, v.z));
         let Ok(pose) = Pose::new(Vector3::new(at[0], at[1], at[2]), turn) else { continue };
-        let seed = table.seed_at(&pose);
+        let seed = table.start_at(&pose);
         let states = table.states(&robot, &load, &pose);
         match (seed, states) {
             (Ok(_), Ok(states)) => {

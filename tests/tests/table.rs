@@ -1,8 +1,10 @@
 //! Warm-start tables: what is damaged or made for another robot is refused, and what is not leads to the solution
 //! that the complete search proves, on the branch that small steps from the start lead to.
 
+use std::cmp::Ordering;
 use std::sync::LazyLock;
 
+use cdpr_core::chart::Start;
 use cdpr_core::newton::converge;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, Node, TOLERANCE, Table, TableFault};
@@ -52,7 +54,7 @@ static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     };
     let low = [-100.0, y - 0.1, z - 0.1, -TILT, -TILT, -TILT];
     let high = [100.0, y + 0.1, z + 0.1, TILT, TILT, TILT];
-    let effort = Effort { steps: 6, depth: 8 };
+    let effort = Effort { steps: 4, depth: 8 };
     let order = Order::new(&request, low, high, Choice::Shortest, None, effort).expect("an order");
     let threads = rayon::ThreadPoolBuilder::new().build().expect("threads");
     let tiles: Vec<usize> = (0..order.tiles()).collect();
@@ -97,7 +99,7 @@ fn repaired(mut bytes: Vec<u8>) -> Vec<u8> {
 /// What a leaf of the tree says.
 #[derive(Clone, Copy, Debug)]
 enum What {
-    Cell([f32; CABLES]),
+    Cell(Start<f32>),
     Nothing(u32),
 }
 
@@ -144,6 +146,21 @@ impl Reader<'_> {
         u16::from_le_bytes(self.0[at..at + 2].try_into().expect("two bytes"))
     }
 
+    fn seed(&self, at: usize) -> Start<f32> {
+        let number = |word: usize| f32::from_bits(u32::from(self.short(at + 2 * word)) << 16);
+        let kind = self.short(at);
+        let (eliminated, bracket) = (usize::from(kind & 7), [number(1), number(2)]);
+        // The mean of the square roots, with signs, squared.
+        let root = |x: f32| x.abs().sqrt().copysign(x);
+        let middle = 0.5 * (root(bracket[0]) + root(bracket[1]));
+        let charts = std::array::from_fn(|i| match i.cmp(&eliminated) {
+            Ordering::Less => number(3 + i),
+            Ordering::Equal => middle * middle.abs(),
+            Ordering::Greater => number(2 + i),
+        });
+        Start { charts, eliminated, bracket, is_positive: kind & 8 != 0 }
+    }
+
     fn leaves(&self) -> Vec<Leaf> {
         let seeds_at = TREE + 2 * self.word(16) as usize;
         let mut leaves = Vec::new();
@@ -166,9 +183,8 @@ impl Reader<'_> {
                 }
                 2 => {
                     let seed = if word & 0x3fff == 0x3fff { long() } else { word & 0x3fff };
-                    let at = seeds_at + 12 * seed;
-                    let chart = |i| f32::from_bits(u32::from(self.short(at + 2 * i)) << 16);
-                    leaves.push(Leaf { low, high, what: What::Cell(std::array::from_fn(chart)) });
+                    let start = self.seed(seeds_at + 16 * seed);
+                    leaves.push(Leaf { low, high, what: What::Cell(start) });
                 }
                 _ => leaves.push(Leaf { low, high, what: What::Nothing(u32::from(short & 0xff)) }),
             }
@@ -192,7 +208,7 @@ fn answers(
     reader: &Reader<'_>,
     leaves: &[Leaf],
     at: &Place,
-) -> Vec<Result<[f32; CABLES], TableFault>> {
+) -> Vec<Result<Start<f32>, TableFault>> {
     let (t, margin) = (reader.parts(at), rounding(reader));
     let mut answers = Vec::new();
     for leaf in leaves {
@@ -297,7 +313,7 @@ fn every_damage_is_refused_by_its_name() {
         let wanted = match bit / 8 {
             0..8 => TableFault::NotATable,
             8..10 => match u16::from_le_bytes([bytes[8], bytes[9]]) {
-                version @ 0..2 => TableFault::OlderVersion(version),
+                version @ 0..3 => TableFault::OlderVersion(version),
                 version => TableFault::NewerVersion(version),
             },
             12..16 => TableFault::WrongLength {
@@ -329,10 +345,10 @@ fn every_damage_is_refused_by_its_name() {
 }
 
 /// The header of the table of these tests, with other contents.
-fn made(words: &[u16], seeds: &[[f32; CABLES]]) -> Vec<u8> {
+fn made(words: &[u16], seeds: &[[u16; 8]]) -> Vec<u8> {
     let mut bytes = TABLE[..TREE].to_vec();
     bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
-    bytes.extend(seeds.iter().flatten().flat_map(|chart| chart.to_le_bytes()[2..].to_vec()));
+    bytes.extend(seeds.iter().flatten().flat_map(|word| word.to_le_bytes()));
     bytes.extend([0; 4]);
     let counts = [bytes.len(), words.len(), seeds.len()];
     for (k, count) in counts.into_iter().enumerate() {
@@ -350,12 +366,61 @@ fn split(coordinate: u16, skip: u16) -> u16 {
     coordinate << 12 | skip
 }
 
+/// A seed: cable 3 between -4 and 1, the others at 0.5, and a positive determinant.
+const SEED: [u16; 8] = [8 | 2, 0xc080, 0x3f80, 0x3f00, 0x3f00, 0x3f00, 0x3f00, 0x3f00];
+
 #[test]
-fn a_right_checksum_does_not_hide_a_wrong_structure() {
-    let seed = [0.5; CABLES];
+fn seeds_that_make_no_sense_are_refused() {
+    const NAN: u16 = 0x7fc0;
+    const INFINITY: u16 = 0x7f80;
     let (start, _, _) = poses(&START);
     let (robot, load) = crane::<f32>();
-    let at = |bytes: &[u8]| Table::open(bytes).expect("opens").seed_at(&start);
+    // No such cable, bits that mean nothing, no bracket; and what is one, but leads nowhere.
+    let [kind, low, high, ..] = SEED;
+    let beginnings = [
+        ([6, low, high], false),
+        ([15, low, high], false),
+        ([kind | 16, low, high], false),
+        ([kind | 0x8000, low, high], false),
+        ([kind, high, low], false),
+        ([kind, low, low], false),
+        ([kind, NAN, high], false),
+        ([kind, low, NAN], false),
+        ([kind, low, INFINITY], true),
+        ([kind, 0xff80, high], true),
+        ([kind, high, INFINITY], true),
+    ];
+    let damaged = beginnings.iter().map(|(beginning, opens)| {
+        let mut seed = SEED;
+        seed[..3].copy_from_slice(beginning);
+        (seed, *opens)
+    });
+    let nowhere = [NAN, INFINITY, 0xff80].map(|chart| {
+        let mut seed = SEED;
+        seed[3..].fill(chart);
+        (seed, true)
+    });
+    for (seed, opens) in damaged.chain(nowhere) {
+        let bytes = made(&[CELL], &[seed]);
+        let table = Table::open(&bytes).expect("opens");
+        assert_eq!(table.seed(0).is_some(), opens, "{seed:x?}");
+        let states = table.states(&robot, &load, &start);
+        assert_eq!(states, Err(TableFault::Malformed), "{seed:x?}");
+    }
+}
+
+#[test]
+fn a_right_checksum_does_not_hide_a_wrong_structure() {
+    let seed = SEED;
+    let wanted = Start {
+        charts: [0.5, 0.5, -0.25, 0.5, 0.5, 0.5],
+        eliminated: 2,
+        bracket: [-4.0, 1.0],
+        is_positive: true,
+    };
+    let (start, _, _) = poses(&START);
+    let (robot, load) = crane::<f32>();
+    let at = |bytes: &[u8]| Table::open(bytes).expect("opens").start_at(&start);
     let good: [&[u16]; 4] = [
         &[CELL],
         &[CELL | 0x3fff, 0, 0], // the number in two words
@@ -363,7 +428,7 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         &[split(0, 0), 4, 0, CELL, CELL],
     ];
     for words in good {
-        assert_eq!(at(&made(words, &[seed])), Ok(seed), "{words:x?}");
+        assert_eq!(at(&made(words, &[seed])), Ok(wanted), "{words:x?}");
     }
     let malformed: [(&[u16], usize); 17] = [
         (&[CELL | 1], 1), // a seed that is not there
@@ -390,21 +455,15 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         let table = Table::open(&bytes).expect("opens");
         assert_eq!(table.states(&robot, &load, &start), Err(TableFault::Malformed), "{words:x?}");
     }
-    // Seeds that lead nowhere.
-    for chart in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        let bytes = made(&[CELL], &[[chart; CABLES]]);
-        let states = Table::open(&bytes).expect("opens").states(&robot, &load, &start);
-        assert_eq!(states, Err(TableFault::Malformed), "{chart}");
-    }
     // The deepest tree, and one deeper; the lowest x stays in the lower half.
     let (edge, _, _) = poses(&Reader(&TABLE).place(&[0.0, 0.5, 0.5, 0.5, 0.5, 0.5]));
-    for (depth, wanted) in [(MAX_DEPTH, Ok(seed)), (MAX_DEPTH + 1, Err(TableFault::Malformed))] {
+    for (depth, wanted) in [(MAX_DEPTH, Ok(wanted)), (MAX_DEPTH + 1, Err(TableFault::Malformed))] {
         let depth = u16::try_from(depth).expect("small");
         // Of the words behind a split the upper half is the last one.
         let mut words: Vec<u16> = (0..depth).map(|index| split(0, 2 * (depth - index))).collect();
         words.extend(vec![CELL; usize::from(depth) + 1]);
         let bytes = made(&words, &[seed]);
-        assert_eq!(Table::open(&bytes).expect("opens").seed_at(&edge), wanted, "{depth}");
+        assert_eq!(Table::open(&bytes).expect("opens").start_at(&edge), wanted, "{depth}");
     }
     // A lower half too long for one word: host and core agree on what is written then.
     let node = Node::Split { coordinate: 2, lower: 0, upper: 5000 };
@@ -437,17 +496,17 @@ fn a_wrong_header_is_refused_though_the_checksum_is_right() {
         let bytes = repaired(bytes);
         Table::open(&bytes).map(|_| ())
     };
-    for version in [0, 1] {
+    for version in [0, 1, 2] {
         assert_eq!(with(8, &[version, 0]), Err(TableFault::OlderVersion(u16::from(version))));
     }
-    assert_eq!(with(8, &[3, 0]), Err(TableFault::NewerVersion(3)));
+    assert_eq!(with(8, &[4, 0]), Err(TableFault::NewerVersion(4)));
     for model in [0, 2, 255] {
         assert_eq!(with(10, &[model]), Err(TableFault::OtherModel(model)));
     }
     let reader = Reader(&TABLE);
     for at in [16, 20] {
         let count = reader.word(at);
-        let wrong = [0, count - 1, count + 1, count + 6, 1 << 27, 1 << 30, u32::MAX];
+        let wrong = [0, count - 1, count + 1, count + 8, 1 << 27, 1 << 30, u32::MAX];
         for wrong in wrong.into_iter().filter(|wrong| *wrong != count) {
             let outcome = with(at, &wrong.to_le_bytes());
             assert_eq!(outcome, Err(TableFault::Malformed), "{wrong} at {at}");
@@ -732,7 +791,7 @@ fn examine(leaves: &[Leaf], start: &[CableState<f64>; CABLES], at: &Place) -> Co
     let (pose, exact, place) = poses(at);
     let mut count = Count { poses: 1, ..Count::default() };
     let allowed = answers(&Reader(&TABLE), leaves, &place);
-    let found = table.seed_at(&pose);
+    let found = table.start_at(&pose);
     assert!(allowed.contains(&found), "{at:?}: {found:?}, not one of {allowed:?}");
     let states = table.states(&robot, &load, &pose);
     let started = Tracker::start_from(robot, load, unlimited(), &still(pose), &table);
@@ -860,7 +919,7 @@ fn beyond_the_region_there_is_nothing() {
     let table = table();
     let reader = Reader(&TABLE);
     let outside = Err(TableFault::OutsideRegion);
-    let seed = |at: &Place| table.seed_at(&poses(at).0);
+    let seed = |at: &Place| table.start_at(&poses(at).0);
     let rounding = rounding(&reader);
     for corner in 0..8_u32 {
         let side = |k: usize| f64::from(corner >> k & 1);
@@ -892,8 +951,8 @@ fn beyond_the_region_there_is_nothing() {
         for degrees in [2.0, 89.0, 90.0, 91.0, 135.0, 179.0, 179.9, 180.0, 181.0, 270.0] {
             let turn = axis * f64::to_radians(degrees);
             let (single, double, _) = turned(&START, &turn);
-            assert_eq!(table.seed_at(&single), outside, "{degrees} about {axis:?}");
-            assert_eq!(table.seed_at(&double).err(), outside.err(), "{degrees} about {axis:?}");
+            assert_eq!(table.start_at(&single), outside, "{degrees} about {axis:?}");
+            assert_eq!(table.start_at(&double).err(), outside.err(), "{degrees} about {axis:?}");
         }
         let mut parts: Place = std::array::from_fn(|_| rng.random());
         let k = rng.random_range(0..COORDINATES);

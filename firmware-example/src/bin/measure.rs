@@ -102,7 +102,7 @@ mod image {
         for number in 1..=TABLE_POSES {
             let pose = spread_pose(&table, number)?;
             let set_point = black_box(SetPoint { pose, twist: still });
-            let (seed, cost) = counter.count(|| table.seed_at(&set_point.pose));
+            let (seed, cost) = counter.count(|| table.start_at(&set_point.pose));
             match seed {
                 Err(TableFault::Uncovered(_)) => continue,
                 found => found.map_err(Fault::Table)?,

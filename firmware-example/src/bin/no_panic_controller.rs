@@ -138,7 +138,7 @@ mod image {
             pose: told(stance().pose())?,
             twist: Twist { linear_m_s: vector(), angular_rad_s: vector() },
         };
-        told(table.seed_at(&set_point.pose));
+        told(table.start_at(&set_point.pose));
         told(table.states(&robot, &load, &set_point.pose));
         let started = Tracker::start_from(robot, load, tracker, &set_point, &table);
         told(black_box(told(started)?).restart_from(&set_point, &table));

@@ -67,7 +67,7 @@ pub(super) struct Build {
     #[arg(long, value_name = "N", conflicts_with = "choose")]
     solution: Option<usize>,
     /// Newton steps that a seed may take
-    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=20))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=20))]
     steps: u8,
     /// How often a tile of a metre may be halved: more covers more, in more bytes
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u8).range(0..=60))]

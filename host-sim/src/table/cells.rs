@@ -6,8 +6,8 @@
 //! way. Halves that are covered from the same seed are one cell again: at every pose of the face between them
 //! Newton's method leads to one solution, so that the solution is continuous over both.
 
-use cdpr_core::CABLES;
-use cdpr_core::table::{COORDINATES, Gap, shortened};
+use cdpr_core::chart::Start;
+use cdpr_core::table::{COORDINATES, Gap, SEED_WORDS, decoded, encoded, shortened};
 use serde::{Deserialize, Serialize};
 
 use super::place::{Point, PoseBox};
@@ -17,9 +17,9 @@ use super::survey::{Found, Survey};
 /// Poses at which a seed is looked for where there is none at the middle.
 const SEED_ATTEMPTS: usize = 12;
 /// Seeds of other cells of the tile that are tried before a new one is kept.
-const KNOWN_SEEDS: usize = 24;
-/// How often a box is halved before another seed is tried: fewer seeds make a smaller table.
-const PATIENCE: u8 = 4;
+const KNOWN_SEEDS: usize = 2;
+/// Cables that are tried as the eliminated one.
+const CABLES_TRIED: usize = 2;
 /// Where a length is beyond its limit by this factor, nothing is tried.
 const FAR_BEYOND: f64 = 1.1;
 /// Rounding of a pose's place in the region, in f32, as a part of its extent; and of its turn vector.
@@ -42,13 +42,36 @@ pub enum Plan {
     Nothing(#[serde(with = "gap_code")] Gap),
 }
 
+/// A seed, as it is written.
+pub(super) type Seed = [u16; SEED_WORDS];
+
 /// A proven cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// Coordinates of the six force curves.
-    pub seed: [f32; CABLES],
+    /// The seed, as it is written.
+    pub seed: Seed,
     /// Newton steps.
     pub steps: u8,
+}
+
+/// What a seed says.
+pub(super) fn started(seed: &Seed) -> Option<Start<f64>> {
+    let Start { charts, eliminated, bracket, is_positive } = decoded(*seed)?;
+    let (charts, bracket) = (charts.map(f64::from), bracket.map(f64::from));
+    Some(Start { charts, eliminated, bracket, is_positive })
+}
+
+/// A start in the numbers of a seed.
+#[allow(clippy::cast_possible_truncation)] // that is what is stored
+fn written(start: &Start<f64>) -> Start<f32> {
+    let short = |number: f64| shortened(number as f32);
+    let Start { charts, eliminated, bracket, is_positive } = start;
+    Start {
+        charts: charts.map(short),
+        eliminated: *eliminated,
+        bracket: bracket.map(short),
+        is_positive: *is_positive,
+    }
 }
 
 /// How cells are made.
@@ -83,9 +106,7 @@ impl Plan {
         match &halves {
             // One reason for both: the more telling one.
             [Self::Nothing(a), Self::Nothing(b)] => Self::Nothing(*a.max(b)),
-            [Self::Cell(a), Self::Cell(b)]
-                if a.seed.map(f32::to_bits) == b.seed.map(f32::to_bits) =>
-            {
+            [Self::Cell(a), Self::Cell(b)] if a.seed == b.seed => {
                 Self::Cell(Cell { seed: a.seed, steps: a.steps.max(b.steps) })
             }
             _ => {
@@ -102,7 +123,8 @@ impl Plan {
             Self::Split { coordinate, halves } => {
                 usize::from(*coordinate) < COORDINATES && halves.iter().all(Self::is_sound)
             }
-            Self::Cell(_) | Self::Nothing(_) => true,
+            Self::Cell(cell) => decoded(cell.seed).is_some(),
+            Self::Nothing(_) => true,
         }
     }
 
@@ -130,47 +152,52 @@ impl Tiler<'_> {
     }
 
     /// Covers a box, with a seed that a larger box had, or one of those that did for others.
-    fn part(
-        &self,
-        part: &PoseBox,
-        depth: u8,
-        seed: Option<[f32; CABLES]>,
-        known: &mut Vec<[f32; CABLES]>,
-    ) -> Plan {
+    fn part(&self, part: &PoseBox, depth: u8, seed: Option<Seed>, known: &mut Vec<Seed>) -> Plan {
         if !self.survey.is_near(part) {
             return Plan::Nothing(Gap::NoSolution);
         }
-        let mut seed = seed;
-        let tried = seed.map(|old| self.reach(part, &old, PATIENCE));
-        let (mut split, mut gap) = match tried {
+        let (mut split, mut gap) = match seed.map(|seed| self.examine(part, &seed)) {
             Some(Ok(cell)) => return Plan::Cell(cell),
             Some(Err(why)) => why,
             None => (None, Gap::TooManySteps),
         };
-        if gap == Gap::TooManySteps {
-            let Some(found) = self.seed(part) else {
-                return self.halved(part, depth, seed, None, Gap::NoSolution, known);
-            };
-            if found.length_share > FAR_BEYOND {
-                return Plan::Nothing(Gap::BeyondLimits);
+        let Some((at, found)) = self.found(part) else {
+            return self.halved(part, depth, seed, split, Gap::NoSolution, known);
+        };
+        if found.length_share > FAR_BEYOND {
+            return self.halved(part, depth, seed, None, Gap::BeyondLimits, known);
+        }
+        // Where there is no proof of the solution no other seed will do with the same cable eliminated.
+        let given = seed.and_then(decoded).map(|start| start.eliminated);
+        let hopeless = given.filter(|_| gap == Gap::Unproven);
+        let mut own = None;
+        let starts = self.prover.starts(part, &at, &found.charts).unwrap_or_default();
+        for start in starts.iter().take(CABLES_TRIED) {
+            if hopeless == Some(start.eliminated) {
+                continue;
             }
-            #[allow(clippy::cast_possible_truncation)] // that is what is stored
-            let own = found.charts.map(|chart| shortened(chart as f32));
-            match self.examine(part, &own) {
+            let start = encoded(&written(start));
+            match self.examine(part, &start) {
                 // A seed that others have already makes a smaller table.
                 Ok(cell) => {
-                    let mut others = known.iter().rev().take(KNOWN_SEEDS);
-                    if let Some(cell) = others.find_map(|s| self.reach(part, s, PATIENCE).ok()) {
+                    let is_like = |seed: &&Seed| seed[0] == start[0] && Some(**seed) != own;
+                    let mut others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
+                    if let Some(cell) = others.find_map(|s| self.examine(part, s).ok()) {
                         return Plan::Cell(cell);
                     }
-                    known.push(own);
+                    known.push(start);
                     return Plan::Cell(cell);
                 }
-                Err(why) => (split, gap) = why,
+                Err(why) => {
+                    if own.is_none() {
+                        (split, gap) = (why.0.or(split), why.1);
+                        own = Some(start);
+                    }
+                }
             }
-            seed = Some(own);
         }
-        self.halved(part, depth, seed, split, gap, known)
+        let given = seed.filter(|_| gap != Gap::TooManySteps).or(own).or(seed);
+        self.halved(part, depth, given, split, gap, known)
     }
 
     /// What is made of the halves of a box; nothing, for the reason given, when it is not to be halved any more.
@@ -178,10 +205,10 @@ impl Tiler<'_> {
         &self,
         part: &PoseBox,
         depth: u8,
-        seed: Option<[f32; CABLES]>,
+        seed: Option<Seed>,
         split: Option<usize>,
         gap: Gap,
-        known: &mut Vec<[f32; CABLES]>,
+        known: &mut Vec<Seed>,
     ) -> Plan {
         if depth >= self.effort.depth {
             return Plan::Nothing(gap);
@@ -191,7 +218,7 @@ impl Tiler<'_> {
     }
 
     /// The proof of a box, with all that a controller may take for a pose of it.
-    fn examine(&self, part: &PoseBox, seed: &[f32; CABLES]) -> Result<Cell, (Option<usize>, Gap)> {
+    fn examine(&self, part: &PoseBox, seed: &Seed) -> Result<Cell, (Option<usize>, Gap)> {
         let mut whole = *part;
         for k in 0..COORDINATES {
             let turn = if k < 3 { 0.0 } else { TURN_ROUNDING };
@@ -199,30 +226,11 @@ impl Tiler<'_> {
             whole.low[k] -= room;
             whole.high[k] += room;
         }
-        match self.prover.examine(&whole, &seed.map(f64::from), self.effort.steps) {
+        let start = started(seed).ok_or((None, Gap::Other))?;
+        match self.prover.examine(&whole, &start, self.effort.steps) {
             Verdict::Proven { steps } => Ok(Cell { seed: *seed, steps }),
             Verdict::Refuted => Err((None, Gap::TooManySteps)),
             Verdict::Open { split, gap } => Err((Some(split), gap)),
-        }
-    }
-
-    /// The same in parts, where the whole takes too many steps: halved so many times.
-    fn reach(
-        &self,
-        part: &PoseBox,
-        seed: &[f32; CABLES],
-        halvings: u8,
-    ) -> Result<Cell, (Option<usize>, Gap)> {
-        match self.examine(part, seed) {
-            Err(why @ (Some(split), Gap::TooManySteps)) if halvings > 0 => {
-                let mut steps = 1;
-                for half in part.halves(split) {
-                    let cell = self.reach(&half, seed, halvings - 1).map_err(|_| why)?;
-                    steps = steps.max(cell.steps);
-                }
-                Ok(Cell { seed: *seed, steps })
-            }
-            verdict => verdict,
         }
     }
 
@@ -232,14 +240,15 @@ impl Tiler<'_> {
     }
 
     /// A solution of the sheet in a box, the nearer its middle the better.
-    fn seed(&self, part: &PoseBox) -> Option<Found> {
-        if let Some(found) = self.survey.solution(&part.middle()) {
+    fn found(&self, part: &PoseBox) -> Option<(Point, Found)> {
+        let solution = |at: Point| Some((at, self.survey.solution(&at)?));
+        if let Some(found) = solution(part.middle()) {
             return Some(found);
         }
         let mut places: Vec<Point> = (0..SEED_ATTEMPTS).map(spread).collect();
         let far = |t: &Point| t.iter().map(|t| (t - 0.5) * (t - 0.5)).sum::<f64>();
         places.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        places.iter().find_map(|t| self.survey.solution(&part.at(t)))
+        places.iter().find_map(|t| solution(part.at(t)))
     }
 }
 

@@ -9,7 +9,7 @@ use cdpr_core::table::{
 use cdpr_core::{CABLES, Load, Robot};
 
 use super::Model;
-use super::cells::Plan;
+use super::cells::{Plan, Seed};
 
 /// Why a table cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -71,16 +71,15 @@ pub(super) fn write(
     floats(&header.limits_m);
     debug_assert_eq!(bytes.len(), offset::TREE);
     bytes.extend(tree.iter().flat_map(|word| word.to_le_bytes()));
-    let upper = |chart: &f32| ((chart.to_bits() >> 16) as u16).to_le_bytes();
-    bytes.extend(body.seeds.iter().flatten().flat_map(upper));
+    bytes.extend(body.seeds.iter().flatten().flat_map(|word| word.to_le_bytes()));
     bytes.extend(checksum(&bytes).to_le_bytes());
     Ok(bytes)
 }
 
 #[derive(Default)]
 struct Body {
-    seeds: Vec<[f32; CABLES]>,
-    seed_numbers: HashMap<[u32; CABLES], usize>,
+    seeds: Vec<Seed>,
+    seed_numbers: HashMap<Seed, usize>,
     steps: u8,
 }
 
@@ -97,8 +96,7 @@ impl Body {
             Plan::Cell(cell) => {
                 self.steps = self.steps.max(cell.steps);
                 let next = self.seeds.len();
-                let key = cell.seed.map(f32::to_bits);
-                let seed = *self.seed_numbers.entry(key).or_insert(next);
+                let seed = *self.seed_numbers.entry(cell.seed).or_insert(next);
                 if seed == next {
                     self.seeds.push(cell.seed);
                 }

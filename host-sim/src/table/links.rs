@@ -10,14 +10,12 @@ use std::collections::BTreeMap;
 use cdpr_core::CABLES;
 use cdpr_core::table::{COORDINATES, Gap};
 
-use super::cells::{Cell, Plan};
+use super::cells::{Cell, Plan, started};
 use super::place::{Point, PoseBox};
 use super::proof::Prover;
 
 /// Two solutions that differ by less are one: far below the radii within which each is proven to be alone.
 const SAME: f64 = 1e-6;
-/// Newton steps to a solution from a seed.
-const STEPS: usize = 40;
 /// Where two cells share poses but not the solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seam {
@@ -68,7 +66,7 @@ pub(super) fn connected(
             let Some(at) = shared(part, other_part) else { continue };
             let lead = |cell: &Cell| {
                 let balance = prover.balance(&at)?;
-                Some(prover.settle(&balance, &cell.seed.map(f64::from), STEPS)?.0)
+                Some(prover.lead(&balance, &started(&cell.seed)?, cell.steps)?.0)
             };
             let (Some(here), Some(there)) = (lead(cell), lead(other)) else { continue };
             let same = |i: usize| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs());

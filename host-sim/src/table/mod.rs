@@ -9,8 +9,10 @@
 //! one tile) → `journal` → `links` (of all cells) → `file` (the bytes) → `verify` (against the complete search).
 
 mod cells;
+mod curve;
 mod file;
 mod links;
+mod patch;
 mod place;
 mod proof;
 mod sheets;
@@ -288,7 +290,7 @@ impl Order {
             if survey.solution(&at).is_some_and(|found| found.is_within) {
                 wanted += 1;
                 let pose = place::pose(&at).map_err(OrderError::Pose)?;
-                covered += usize::from(table.seed_at(&pose).is_ok());
+                covered += usize::from(table.start_at(&pose).is_ok());
             }
         }
         let mut gaps = BTreeMap::new();
