@@ -329,6 +329,40 @@ mod tests {
     }
 
     #[test]
+    fn condensed_equations_are_what_is_left_of_six() {
+        for seed in 0..500 {
+            let mut next = entries(seed);
+            let columns: [[f64; CABLES]; 8] =
+                core::array::from_fn(|_| core::array::from_fn(|_| next()));
+            let condensed = Condensed::new(columns).unwrap();
+            let left = condensed.left();
+            let with =
+                |k: usize| Matrix6::from_fn(|i, j| columns[if j < 5 { j } else { 5 + k }][i]);
+            let determinants = [0, 1, 2].map(|k| with(k).determinant());
+            let room = 1e-12 * (1.0 + left.iter().map(|l| l.abs()).sum::<f64>());
+            for k in 0..3 {
+                assert!(left[k] * determinants[k] >= 0.0, "{seed}");
+                let other = (k + 1) % 3;
+                let cross = left[k] * determinants[other] - left[other] * determinants[k];
+                assert!(cross.abs() < room, "{seed}: {cross:e}");
+            }
+            // On the equation that is left, the five unknowns solve all six.
+            let t = [left[1], -left[0], 0.0];
+            let y = condensed.solve(&t);
+            for i in 0..CABLES {
+                let sum: f64 = (0..5).map(|j| columns[j][i] * y[j]).sum::<f64>()
+                    + (0..3).map(|k| columns[5 + k][i] * t[k]).sum::<f64>();
+                let size = 1.0 + y.iter().map(|y| y.abs()).sum::<f64>();
+                assert!(sum.abs() < 1e-12 * size, "{seed}: {sum:e}");
+            }
+        }
+        let mut dependent = [[1.0; CABLES]; 8];
+        assert!(Condensed::new(dependent).is_none());
+        dependent[2][3] = f64::NAN;
+        assert!(Condensed::new(dependent).is_none());
+    }
+
+    #[test]
     fn agrees_with_nalgebra() {
         for seed in 0..500 {
             let mut next = entries(seed);

@@ -4,7 +4,7 @@
 use std::cmp::Ordering;
 use std::sync::LazyLock;
 
-use cdpr_core::chart::Start;
+use cdpr_core::chart::{Charted as _, Start};
 use cdpr_core::newton::converge;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, Node, TOLERANCE, Table, TableFault};
@@ -521,6 +521,49 @@ fn a_wrong_header_is_refused_though_the_checksum_is_right() {
             assert_eq!(outcome, Err(TableFault::Malformed), "{extent}");
         }
     }
+}
+
+/// What a step of a start is, by its definition: five tangents and one curve that balance the load.
+#[test]
+fn a_step_balances_five_tangents_and_one_curve() {
+    let (robot, load) = crane::<f64>();
+    let mut ended = 0;
+    let cases = random_tests(1000).cases;
+    for case in 0..u64::from(cases) {
+        let mut rng = random::numbers(case);
+        let at: Place = std::array::from_fn(|k| {
+            START[k]
+                + if k < 3 { rng.random_range(-0.4..0.4) } else { rng.random_range(-0.05..0.05) }
+        });
+        let (_, pose, _) = poses(&at);
+        let balance = Balance::at(&robot, &load, &pose).expect("planes");
+        let eliminated = rng.random_range(0..CABLES);
+        let bracket = [rng.random_range(-300.0..-100.0), rng.random_range(-10.0..3.0)];
+        let charts = std::array::from_fn(|_| rng.random_range(-100.0..-10.0));
+        let start = Start { charts, eliminated, bracket, is_positive: rng.random() };
+        let Ok(next) = start.step(&robot, &balance) else { continue };
+        assert_eq!(Start { charts, ..next }, start);
+        let point = |i: usize, chart: f64| {
+            let plane = &balance.planes()[i];
+            robot.cables()[i].model.hang(plane.x_m, plane.z_m, chart)
+        };
+        let chart = next.charts[eliminated];
+        if chart - bracket[0] < 1e-2 * bracket[0].abs() || bracket[1] - chart < 1e-2 {
+            continue; // no crossing in the bracket: what is found is one of its ends
+        }
+        ended += 1;
+        let mut forces_n = std::array::from_fn(|i| {
+            let here = point(i, charts[i]);
+            here.state.force_n + here.force_by_chart_n * (next.charts[i] - charts[i])
+        });
+        forces_n[eliminated] = point(eliminated, chart).state.force_n;
+        let sum_n: f64 = forces_n.iter().map(|force_n| force_n.norm()).sum();
+        // The last step along the curve is below a thousandth, and what it leaves out is its square.
+        let left_n = balance.residual_n(&forces_n).norm();
+        assert!(left_n <= 1e-5 * sum_n, "case {case}: {left_n:e} of {sum_n}");
+    }
+    println!("{ended} of {cases}"); // shown by --nocapture
+    assert!(ended > cases / 4, "{ended}");
 }
 
 /// A pose of the region or beyond it, sometimes far.

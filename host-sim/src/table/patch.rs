@@ -137,3 +137,68 @@ impl Patch {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::rngs::ChaCha8Rng;
+    use rand::{Rng, RngExt as _, SeedableRng as _};
+
+    use super::*;
+
+    fn point(random: &mut impl Rng) -> Point {
+        std::array::from_fn(|_| random.random_range(-1.0..1.0))
+    }
+
+    /// Cut four times over; whatever is in a patch is in what it says, and the patches leave nothing out.
+    #[test]
+    fn patches_hold_all_of_a_box_and_bound_what_is_in_them() {
+        let (mut empty, mut narrower) = (0, 0);
+        for seed in 0..200 {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let low = point(&mut random);
+            let high = low.map(|low| low + random.random_range(1e-3..1.0));
+            let region = PoseBox { low, high };
+            let mut normals = [point(&mut random), point(&mut random)];
+            if seed % 10 == 0 {
+                normals[1] = normals[0].map(|n| -2.0 * n); // parallel
+            }
+            let mut patches = vec![Patch::whole(&region)];
+            for _ in 0..4 {
+                let units = [random.random_range(0.1..10.0), 1.0];
+                let halves = |patch: &Patch| patch.halves(&region, normals, units);
+                patches = patches.iter().flat_map(halves).collect();
+            }
+            let gradient = point(&mut random).map(|g| Interval::around(g, 0.01));
+            let whole = Patch::whole(&region).spread(&region, &gradient);
+            let mut held = vec![false; patches.len()];
+            for _ in 0..200 {
+                let pose = region.at(&std::array::from_fn(|_| random.random()));
+                let dot = |a: &Point| (0..COORDINATES).map(|k| a[k] * pose[k]).sum::<f64>();
+                let mut is_held = false;
+                for (patch, held) in patches.iter().zip(&mut held) {
+                    let cuts = patch.cuts.expect("cut");
+                    if !cuts.iter().all(|cut| cut.range.contains(dot(&cut.normal))) {
+                        continue;
+                    }
+                    (is_held, *held) = (true, true);
+                    let moved: f64 = (0..COORDINATES)
+                        .map(|k| {
+                            let g = gradient[k].middle() + random.random_range(-0.01..0.01);
+                            g * (pose[k] - patch.middle[k])
+                        })
+                        .sum();
+                    let spread = patch.spread(&region, &gradient);
+                    assert!(spread.contains(moved), "{seed}: {moved} not in {spread:?}");
+                    narrower += usize::from(spread.radius() < 0.9 * whole.radius());
+                }
+                assert!(is_held, "{seed}: in no patch");
+            }
+            for (patch, held) in patches.iter().zip(held) {
+                assert!(region.contains(&patch.middle));
+                assert!(!(held && patch.is_empty(&region)), "{seed}");
+                empty += usize::from(patch.is_empty(&region));
+            }
+        }
+        assert!(empty > 0 && narrower > 0, "{empty} {narrower}");
+    }
+}
