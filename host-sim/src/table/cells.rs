@@ -1,10 +1,10 @@
 //! One tile of the region, divided into cells.
 //!
-//! A box of poses is tried with a seed: at first that of the tile, the solution at its middle. If the proof holds
-//! for all of it, it is a cell; if the seed takes too many steps, another is tried, the solution at the middle of
-//! the box; else it is halved, in the coordinate that moves the forces most, and each half is tried in the same
-//! way. Halves that are covered from the same seed are one cell again: at every pose of the face between them
-//! Newton's method leads to one solution, so that the solution is continuous over both.
+//! A box of poses is tried with the seed of the larger box that it is a part of; if the proof does not hold for all of it,
+//! with seeds of its own, the solution at its middle with one of the two cables eliminated that bend most over the box;
+//! else it is halved, in the coordinate that moves the forces most, and each half is tried in the same way. Halves
+//! that are covered from the same seed are one cell again: at every pose of the face between them the seed leads to
+//! one solution, so that the solution is continuous over both.
 
 use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, SEED_WORDS, decoded, encoded, shortened};
@@ -17,9 +17,15 @@ use super::survey::{Found, Survey};
 /// Poses at which a seed is looked for where there is none at the middle.
 const SEED_ATTEMPTS: usize = 12;
 /// Seeds of other cells of the tile that are tried before a new one is kept.
-const KNOWN_SEEDS: usize = 2;
+const KNOWN_SEEDS: usize = 6;
 /// Cables that are tried as the eliminated one.
 const CABLES_TRIED: usize = 2;
+/// Sine of the angle by which the tangents of the others may turn over a box for which a proof is tried.
+const MOST_TURN: f64 = 0.5;
+/// And how far the matrix may turn.
+const MOST_DEFECT: f64 = 0.3;
+/// A box for which none is tried gives its parts a seed to share if it turns less than this.
+const DEFECT_OF_SEEDS: f64 = 0.9;
 /// Where a length is beyond its limit by this factor, nothing is tried.
 const FAR_BEYOND: f64 = 1.1;
 /// Rounding of a pose's place in the region, in f32, as a part of its extent; and of its turn vector.
@@ -156,26 +162,29 @@ impl Tiler<'_> {
         if !self.survey.is_near(part) {
             return Plan::Nothing(Gap::NoSolution);
         }
+        let Some((at, found)) = self.found(part) else {
+            return self.halved(part, depth, seed, None, Gap::NoSolution, known);
+        };
+        if found.length_share > FAR_BEYOND {
+            return self.halved(part, depth, seed, None, Gap::BeyondLimits, known);
+        }
+        let Some(outlook) = self.prover.outlook(part, &at, &found.charts) else {
+            return self.halved(part, depth, seed, None, Gap::SingularCable, known);
+        };
+        // One cable may bend, and one more is a matter of patches.
+        let bends = outlook.turns.iter().skip(2).any(|turn| *turn > MOST_TURN);
+        if bends || outlook.defect > MOST_DEFECT {
+            let own = || outlook.starts.first().map(|start| encoded(&written(start)));
+            let given = if outlook.defect < DEFECT_OF_SEEDS { own().or(seed) } else { seed };
+            return self.halved(part, depth, given, Some(outlook.widest), Gap::Unproven, known);
+        }
         let (mut split, mut gap) = match seed.map(|seed| self.examine(part, &seed)) {
             Some(Ok(cell)) => return Plan::Cell(cell),
             Some(Err(why)) => why,
             None => (None, Gap::TooManySteps),
         };
-        let Some((at, found)) = self.found(part) else {
-            return self.halved(part, depth, seed, split, Gap::NoSolution, known);
-        };
-        if found.length_share > FAR_BEYOND {
-            return self.halved(part, depth, seed, None, Gap::BeyondLimits, known);
-        }
-        // Where there is no proof of the solution no other seed will do with the same cable eliminated.
-        let given = seed.and_then(decoded).map(|start| start.eliminated);
-        let hopeless = given.filter(|_| gap == Gap::Unproven);
         let mut own = None;
-        let starts = self.prover.starts(part, &at, &found.charts).unwrap_or_default();
-        for start in starts.iter().take(CABLES_TRIED) {
-            if hopeless == Some(start.eliminated) {
-                continue;
-            }
+        for start in outlook.starts.iter().take(CABLES_TRIED) {
             let start = encoded(&written(start));
             match self.examine(part, &start) {
                 // A seed that others have already makes a smaller table.

@@ -5,8 +5,9 @@
 //! killed ([`Journal`](crate::journal::Journal)). When all tiles are there, the cells are linked into the sheet
 //! and the table is written: the same bytes however it came about.
 //!
-//! `survey` (where the sheet is, roughly) and `proof` (of a box of poses, in intervals: `place`) → `cells` (of
-//! one tile) → `journal` → `links` (of all cells) → `file` (the bytes) → `verify` (against the complete search).
+//! `survey` (where the sheet is, roughly) and `proof` (of a box of poses, in intervals: `place`, and `patch` for its
+//! parts; with force curves over it: `curve`) → `cells` (of one tile) → `journal` → `links` (of all cells) → `file` (the
+//! bytes) → `verify` (against the complete search).
 
 mod cells;
 mod curve;

@@ -126,6 +126,18 @@ pub(super) enum Verdict {
     Open { split: usize, gap: Gap },
 }
 
+/// A box, seen from the solution at a pose of it.
+pub(super) struct Outlook {
+    /// With the cable eliminated whose tangent turns most over the box, and with those that follow.
+    pub(super) starts: Vec<Start<f64>>,
+    /// Sines of the angles by which the tangents turn, about, in that order.
+    pub(super) turns: Vec<f64>,
+    /// The coordinate that moves the forces most.
+    pub(super) widest: usize,
+    /// How far the matrix turns over the box at fixed coordinates, about: a proof needs less than 1.
+    pub(super) defect: f64,
+}
+
 impl Prover {
     pub(super) fn new(robot: &Robot<f64, Model>, load: &Load<f64>) -> Self {
         let size_m = robot.cables().iter().map(|c| c.anchor_m.amax()).fold(0.0, f64::max);
@@ -188,14 +200,13 @@ impl Prover {
         (is_of_sheet && off_n <= TOLERANCE * forces_n).then_some((center, step))
     }
 
-    /// Starts for a box from the solution `charts` at a pose of it: with the cable eliminated whose tangent turns most
-    /// over the box, and with those that follow.
-    pub(super) fn starts(
+    /// What a box looks like from the solution `charts` at a pose of it.
+    pub(super) fn outlook(
         &self,
         region: &PoseBox,
         at: &Point,
         charts: &[f64; CABLES],
-    ) -> Option<Vec<Start<f64>>> {
+    ) -> Option<Outlook> {
         let balance = self.balance(at)?;
         let step = ChartStep::new(&self.robot, &balance, charts).ok()?;
         let inverse = step.elimination().inverse();
@@ -209,9 +220,16 @@ impl Prover {
             sight.add_by_pose(&mut by_pose, &hung.force_n, by_x, by_z, arm_m);
         }
         let mut reach = Vector6::zeros();
+        let slopes_n = Vector6::from_fn(|i, _| step.points[i].force_by_chart_n.norm());
+        let (mut widest, mut most_n) = (0, 0.0);
         for k in 0..COORDINATES {
-            let moved = inverse * by_pose[k].map(Interval::middle);
-            reach += moved.abs() * (0.5 * region.extent(k));
+            let moved = (inverse * by_pose[k].map(Interval::middle)).abs();
+            let moved = moved * (0.5 * region.extent(k));
+            reach += moved;
+            let forces_n = moved.dot(&slopes_n);
+            if forces_n > most_n {
+                (widest, most_n) = (k, forces_n);
+            }
         }
         let turns: [f64; CABLES] =
             std::array::from_fn(|i| self.turn(&balance, i, charts[i], reach[i]));
@@ -240,7 +258,36 @@ impl Prover {
                 is_positive: step.elimination().is_positive(),
             }
         };
-        Some(order.into_iter().map(start).collect())
+        let turns = order.iter().map(|cable| turns[*cable]).collect();
+        let starts = order.into_iter().map(start).collect();
+        let defect = self.defect(region, at, charts, &inverse, &slopes_n)?;
+        Some(Outlook { starts, turns, widest, defect })
+    }
+
+    /// How far the matrix at fixed coordinates is from that at a pose, at the ends of a box: the norm in newtons.
+    fn defect(
+        &self,
+        region: &PoseBox,
+        at: &Point,
+        charts: &[f64; CABLES],
+        inverse: &Matrix6<f64>,
+        slopes_n: &Vector6<f64>,
+    ) -> Option<f64> {
+        let mut sum = Vector6::zeros();
+        for k in 0..COORDINATES {
+            let mut there = *at;
+            there[k] += 0.5 * region.extent(k);
+            let balance = self.balance(&there)?;
+            for i in 0..CABLES {
+                let (plane, model) = (&balance.planes()[i], &self.robot.cables()[i].model);
+                let tangent = model.hang(plane.x_m, plane.z_m, charts[i]).force_by_chart_n;
+                let mut column = inverse * plane.wrench_n(&tangent);
+                column[i] -= 1.0;
+                // A move by 1 N of this cable, in newtons of each.
+                sum += column.abs().component_mul(slopes_n) / (slopes_n[i] * CABLES as f64);
+            }
+        }
+        Some(sum.sum())
     }
 
     /// Sine of the angle by which the tangent of a cable turns around a coordinate.
