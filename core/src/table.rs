@@ -1,8 +1,8 @@
 //! Warm-start tables: which branch to start on, computed once on the host and kept in flash.
 //!
 //! After power-up, an emergency stop or a jump of the set-point the controller needs a start on the **right**
-//! branch. A table divides a region of poses into cells; each cell has a seed, six coordinates of force curves
-//! (see [`chart`]), from which Newton's method is proven to reach the solution of one
+//! branch. A table divides a region of poses into cells; each cell has a seed, coordinates of force curves
+//! (see [`chart`], [`Start`]), from which Newton's method with one cable eliminated is proven to reach the solution of one
 //! connected sheet, within so many steps, at every pose of the cell. The host's `cdpr table build` makes and
 //! proves it; [`Table`] reads it where it lies, without a copy, at any alignment.
 //!

@@ -557,7 +557,7 @@ fn a_step_balances_five_tangents_and_one_curve() {
             here.state.force_n + here.force_by_chart_n * (next.charts[i] - charts[i])
         });
         forces_n[eliminated] = point(eliminated, chart).state.force_n;
-        let sum_n: f64 = forces_n.iter().map(|force_n| force_n.norm()).sum();
+        let sum_n: f64 = forces_n.iter().map(nalgebra::Vector2::norm).sum();
         // The last step along the curve is below a thousandth, and what it leaves out is its square.
         let left_n = balance.residual_n(&forces_n).norm();
         assert!(left_n <= 1e-5 * sum_n, "case {case}: {left_n:e} of {sum_n}");
