@@ -52,12 +52,12 @@ pub(crate) const CHART_SCALE: f64 = 0.5;
 const ROOT_STEPS: u32 = 8;
 const STRAIN_STEPS: u32 = 4;
 
-/// Points of its curve at most.
-pub const SCALAR_STEPS: u32 = 48;
-/// So many of them may be steps of Newton's method.
+/// Points of the curve of an eliminated cable, in a step of [`Start::step`] at most.
+pub const CROSSING_STEPS: u32 = 48;
+/// So many of them may come about by Newton's method.
 const NEWTON_STEPS: u32 = 12;
-/// A step along it so short, in units of `1 + |p|`, is the last.
-pub const CROSSED: f64 = 1.0 / (1 << 10) as f64;
+/// A step along the curve so short, in units of `1 + |p|`, is the last.
+const CROSSED: f64 = 1.0 / (1 << 10) as f64;
 
 /// No coordinate leaves this range on the way: tensions of `w d/2` times this, or lengths of `x` times this.
 const FARTHEST: f64 = 1e6;
@@ -260,11 +260,24 @@ pub struct Start<T> {
     pub is_positive: bool,
 }
 
+impl<T: Copy> Start<T> {
+    /// The same in other numbers.
+    #[inline]
+    pub fn map<U>(&self, number: impl Fn(T) -> U) -> Start<U> {
+        Start {
+            charts: self.charts.map(&number),
+            eliminated: self.eliminated,
+            bracket: self.bracket.map(&number),
+            is_positive: self.is_positive,
+        }
+    }
+}
+
 impl<T: Real> Start<T> {
     /// One step from here at the pose of `balance`.
     ///
     /// Cost: five points of force curves, one elimination, and some five points of the eliminated curve
-    /// ([`SCALAR_STEPS`] at most).
+    /// ([`CROSSING_STEPS`] at most).
     ///
     /// # Errors
     /// [`StepFault`] when a number leaves its range, the five tangents are dependent, or the search in the bracket does
@@ -336,7 +349,7 @@ impl<T: Real> Line<T> {
     /// coordinate and force.
     ///
     /// Newton's method, halving where a step would leave the bracket or does not shrink fast, and from
-    /// [`NEWTON_STEPS`] on: what is left then is halved some forty times, so that it ends.
+    /// [`NEWTON_STEPS`] on: what is left of the bracket then is halved until it ends.
     #[inline]
     fn crossing<M: Charted<T>>(
         &self,
@@ -348,7 +361,7 @@ impl<T: Real> Line<T> {
         let half = T::constant(0.5);
         let mut chart = start.max(low).min(high);
         let mut last_change = high - low;
-        for step in 0..SCALAR_STEPS {
+        for step in 0..CROSSING_STEPS {
             let point = model.hang(x_m, z_m, chart);
             if !point.is_finite() {
                 return None;

@@ -475,13 +475,7 @@ impl<'a> Table<'a> {
                 }
                 Node::Cell { seed } => {
                     let start = self.seed(seed).ok_or(TableFault::Malformed)?;
-                    let number = |number: f32| T::constant(f64::from(number));
-                    return Ok(Start {
-                        charts: start.charts.map(number),
-                        eliminated: start.eliminated,
-                        bracket: start.bracket.map(number),
-                        is_positive: start.is_positive,
-                    });
+                    return Ok(start.map(|number| T::constant(f64::from(number))));
                 }
                 Node::Nothing(gap) => return Err(TableFault::Uncovered(gap)),
             }

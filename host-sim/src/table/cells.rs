@@ -10,7 +10,8 @@ use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, SEED_WORDS, decoded, encoded, shortened};
 use serde::{Deserialize, Serialize};
 
-use super::place::{Point, PoseBox};
+use super::outlook::Outlook;
+use super::place::{Point, PoseBox, largest};
 use super::proof::{Prover, Verdict};
 use super::survey::{Found, Survey};
 
@@ -62,22 +63,13 @@ pub struct Cell {
 
 /// What a seed says.
 pub(super) fn started(seed: &Seed) -> Option<Start<f64>> {
-    let Start { charts, eliminated, bracket, is_positive } = decoded(*seed)?;
-    let (charts, bracket) = (charts.map(f64::from), bracket.map(f64::from));
-    Some(Start { charts, eliminated, bracket, is_positive })
+    Some(decoded(*seed)?.map(f64::from))
 }
 
-/// A start in the numbers of a seed.
+/// The seed of a start.
 #[allow(clippy::cast_possible_truncation)] // that is what is stored
-fn written(start: &Start<f64>) -> Start<f32> {
-    let short = |number: f64| shortened(number as f32);
-    let Start { charts, eliminated, bracket, is_positive } = start;
-    Start {
-        charts: charts.map(short),
-        eliminated: *eliminated,
-        bracket: bracket.map(short),
-        is_positive: *is_positive,
-    }
+fn written(start: &Start<f64>) -> Seed {
+    encoded(&start.map(|number| shortened(number as f32)))
 }
 
 /// How cells are made.
@@ -168,13 +160,13 @@ impl Tiler<'_> {
         if found.length_share > FAR_BEYOND {
             return self.halved(part, depth, seed, None, Gap::BeyondLimits, known);
         }
-        let Some(outlook) = self.prover.outlook(part, &at, &found.charts) else {
+        let Some(outlook) = Outlook::new(self.prover, part, &at, &found.charts) else {
             return self.halved(part, depth, seed, None, Gap::SingularCable, known);
         };
         // One cable may bend, and one more is a matter of patches.
         let bends = outlook.turns.iter().skip(2).any(|turn| *turn > MOST_TURN);
         if bends || outlook.defect > MOST_DEFECT {
-            let own = || outlook.starts.first().map(|start| encoded(&written(start)));
+            let own = || outlook.starts.first().map(written);
             let given = if outlook.defect < DEFECT_OF_SEEDS { own().or(seed) } else { seed };
             return self.halved(part, depth, given, Some(outlook.widest), Gap::Unproven, known);
         }
@@ -185,11 +177,11 @@ impl Tiler<'_> {
         };
         let mut own = None;
         for start in outlook.starts.iter().take(CABLES_TRIED) {
-            let start = encoded(&written(start));
+            let start = written(start);
             match self.examine(part, &start) {
                 // A seed that others have already makes a smaller table.
                 Ok(cell) => {
-                    let is_like = |seed: &&Seed| seed[0] == start[0] && Some(**seed) != own;
+                    let is_like = |seed: &&Seed| seed[0] == start[0];
                     let mut others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
                     if let Some(cell) = others.find_map(|s| self.examine(part, s).ok()) {
                         return Plan::Cell(cell);
@@ -244,8 +236,7 @@ impl Tiler<'_> {
     }
 
     fn longest(&self, part: &PoseBox) -> usize {
-        let share = |k: usize| part.extent(k) / self.region.extent(k);
-        (0..3).fold(0, |best, k| if share(k) > share(best) { k } else { best })
+        largest(0..3, |k| part.extent(k) / self.region.extent(k))
     }
 
     /// A solution of the sheet in a box, the nearer its middle the better.

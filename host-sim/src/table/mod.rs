@@ -5,18 +5,20 @@
 //! killed ([`Journal`](crate::journal::Journal)). When all tiles are there, the cells are linked into the sheet
 //! and the table is written: the same bytes however it came about.
 //!
-//! `survey` (where the sheet is, roughly) and `proof` (of a box of poses, in intervals: `place`, and `patch` for its
-//! parts; with force curves over it: `curve`) → `cells` (of one tile) → `journal` → `links` (of all cells) → `file` (the
-//! bytes) → `verify` (against the complete search).
+//! `survey` (where the sheet is, roughly), `outlook` (what is worth a proof) and `proof` (of a box of poses, in
+//! intervals: `place`, its parts `patch`, force curves over it `curve`, what they sum to `sums`) → `cells` (of one tile) →
+//! `journal` → `links` (of all cells) → `file` (the bytes) → `verify` (against the complete search).
 
 mod cells;
 mod curve;
 mod file;
 mod links;
+mod outlook;
 mod patch;
 mod place;
 mod proof;
 mod sheets;
+mod sums;
 mod survey;
 mod verify;
 
@@ -251,8 +253,7 @@ impl Order {
         let whole = self.region().poses;
         let volume: f64 = (0..3).map(|k| whole.extent(k)).product();
         let side_m = TILE_M.max((volume / MOST_TILES as f64).cbrt());
-        let longest =
-            (0..3).fold(0, |best, k| if part.extent(k) > part.extent(best) { k } else { best });
+        let longest = place::largest(0..3, |k| part.extent(k));
         // A side that was rounded is not halved once more.
         if part.extent(longest) <= side_m * (1.0 + 1e-6) {
             return make(part);

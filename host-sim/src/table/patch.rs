@@ -37,8 +37,7 @@ fn sum(factor: impl Fn(usize) -> Interval, x: impl Fn(usize) -> Interval) -> Int
 
 /// The range of `normal . P` over a box.
 fn over(region: &PoseBox, normal: impl Fn(usize) -> f64) -> Interval {
-    let side = |k: usize| Interval::new(region.low[k], region.high[k]);
-    sum(|k| Interval::point(normal(k)), side)
+    sum(|k| Interval::point(normal(k)), |k| region.side(k))
 }
 
 /// The product of two normals in units of the sides of a box.
@@ -67,9 +66,7 @@ impl Patch {
 
     /// The range of `sum gradient_k (P_k - middle_k)` over the patch.
     pub(super) fn spread(&self, region: &PoseBox, gradient: &[Interval; COORDINATES]) -> Interval {
-        let aside = |k: usize| {
-            Interval::new(region.low[k], region.high[k]) - Interval::point(self.middle[k])
-        };
+        let aside = |k: usize| region.side(k) - Interval::point(self.middle[k]);
         let whole = sum(|k| gradient[k], aside);
         let Some(cuts) = &self.cuts else { return whole };
         // What the cuts tell of it, and the rest; right for any factors.
@@ -99,8 +96,7 @@ impl Patch {
             || WEIGHTS.iter().any(|weight| {
                 let weight = Interval::point(weight * unit);
                 let both = |k: usize| Interval::point(n(k)) + weight * Interval::point(m(k));
-                let side = |k: usize| Interval::new(region.low[k], region.high[k]);
-                misses(sum(both, side), one.range + weight * two.range)
+                misses(sum(both, |k| region.side(k)), one.range + weight * two.range)
             })
     }
 

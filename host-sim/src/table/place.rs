@@ -7,6 +7,9 @@
 //! R = c + [sigma] + sigma sigma^T/(1 + c),      c = sqrt(1 - sigma^2)
 //! ```
 
+use std::ops::Range;
+
+use cdpr_core::chart::Hung;
 use cdpr_core::table::{COORDINATES, LIKENESS};
 use cdpr_core::{CABLES, GeometryFault, Load, Pose, Robot, Scalar};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
@@ -40,6 +43,11 @@ pub struct PoseBox {
 impl PoseBox {
     pub(super) fn middle(&self) -> Point {
         std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
+    }
+
+    /// All values of a coordinate.
+    pub(super) fn side(&self, k: usize) -> Interval {
+        Interval::new(self.low[k], self.high[k])
     }
 
     pub(super) fn extent(&self, k: usize) -> f64 {
@@ -79,6 +87,11 @@ impl PoseBox {
     }
 }
 
+/// The first of the largest of some numbers.
+pub(super) fn largest(among: Range<usize>, size: impl Fn(usize) -> f64) -> usize {
+    among.reduce(|best, k| if size(k) > size(best) { k } else { best }).unwrap_or(0)
+}
+
 type Vector3i = Vector3<Interval>;
 
 fn dot3(a: &Vector3i, b: &Vector3i) -> Interval {
@@ -102,7 +115,7 @@ struct Rotation {
 impl Rotation {
     fn of(region: &PoseBox) -> Self {
         let one = Interval::one();
-        let turn = Vector3i::from_fn(|k, _| Interval::new(region.low[k + 3], region.high[k + 3]));
+        let turn = Vector3i::from_fn(|k, _| region.side(k + 3));
         let sine_sq = turn.x.square() + turn.y.square() + turn.z.square();
         let cosine = (one - sine_sq).sqrt();
         Self { turn, cosine, half: one / (one + cosine) }
@@ -172,7 +185,7 @@ impl Likeness {
     /// the number of a cable that may be vertical when there is one.
     pub(super) fn look(&self, region: &PoseBox) -> Result<(Vec<Sight>, Loading), usize> {
         let rotation = Rotation::of(region);
-        let position = Vector3i::from_fn(|k, _| Interval::new(region.low[k], region.high[k]));
+        let position = Vector3i::from_fn(|k, _| region.side(k));
         let per_arm = Interval::one() / Interval::point(self.moment_arm_m);
         let rounding = Interval::symmetric(TURN_ROUNDING * self.moment_arm_m);
         let mut sights = Vec::with_capacity(CABLES);
@@ -209,7 +222,19 @@ impl Likeness {
 /// The external wrench over a box of poses, N.
 pub(super) struct Loading {
     pub(super) wrench_n: Vector6<Interval>,
-    pub(super) by_turn: [Vector6<Interval>; 3],
+    by_turn: [Vector6<Interval>; 3],
+}
+
+/// How a wrench changes with each coordinate of the pose, N/m and N.
+pub(super) type ByPose = [Vector6<Interval>; COORDINATES];
+
+impl Loading {
+    /// How it changes with the pose.
+    pub(super) fn by_pose(&self) -> ByPose {
+        let zero = Vector6::zeros();
+        let [a, b, c] = self.by_turn;
+        [zero, zero, zero, a, b, c]
+    }
 }
 
 /// `(x, y)/|(x, y)|`: each component rises with its own coordinate, and depends on the size of the other.
@@ -245,21 +270,15 @@ impl Sight {
         stack(&push, &self.arm.cross(&push))
     }
 
-    /// Adds to `sums` how the wrench of a force at fixed coordinate changes with each coordinate of the pose.
-    pub(super) fn add_by_pose(
-        &self,
-        sums: &mut [Vector6<Interval>; COORDINATES],
-        force_n: &Vector2<Interval>,
-        by_x_n_m: &Vector2<Interval>,
-        by_z_n_m: &Vector2<Interval>,
-        moment_arm_m: f64,
-    ) {
+    /// Adds to `sums` how the wrench of a cable at fixed coordinate changes with each coordinate of the pose.
+    pub(super) fn add_by_pose(&self, sums: &mut ByPose, hung: &Hung<Interval>, moment_arm_m: f64) {
+        let Hung { force_n, force_by_x_n_m, force_by_z_n_m, .. } = hung;
         let e = &self.direction;
         // The plane turns with a sideways move.
         let turning = force_n.x / self.x_m;
         let moved = |by: &Vector3i| {
             let (along, sideways) = (e.x * by.x + e.y * by.y, e.x * by.y - e.y * by.x);
-            let change = by_x_n_m * along + by_z_n_m * by.z;
+            let change = force_by_x_n_m * along + force_by_z_n_m * by.z;
             let swing = turning * sideways;
             -Vector3i::new(change.x * e.x - swing * e.y, change.x * e.y + swing * e.x, change.y)
         };

@@ -1,0 +1,112 @@
+//! What a box of poses looks like before any proof, in floats: with which starts one is worth trying, and whether.
+
+use cdpr_core::CABLES;
+use cdpr_core::chart::{ChartStep, Charted as _, Start};
+use cdpr_core::table::COORDINATES;
+use nalgebra::{Matrix6, Vector6};
+
+use super::place::{Point, PoseBox, largest};
+use super::proof::Prover;
+use crate::interval::Interval;
+
+/// Bracket of an eliminated cable: what it moves over a box, times one of these and a little more; the largest at
+/// which the tangent is this steep, in units of the solution.
+const BRACKETS: [f64; 7] = [1.0, 1.3, 1.6, 2.0, 2.5, 3.2, 4.0];
+const LEAST_BRACKET: f64 = 0.5;
+const STEEP: f64 = 0.3;
+
+/// A box, seen from the solution at a pose of it.
+pub(super) struct Outlook {
+    /// With the cable eliminated whose tangent turns most over the box, and with those that follow.
+    pub(super) starts: Vec<Start<f64>>,
+    /// Sines of the angles by which the tangents turn, about, in that order.
+    pub(super) turns: Vec<f64>,
+    /// The coordinate that moves the forces most.
+    pub(super) widest: usize,
+    /// How far the matrix turns over the box at fixed coordinates, about: a proof needs less than 1.
+    pub(super) defect: f64,
+}
+
+impl Outlook {
+    /// What a box looks like from the solution `charts` at a pose of it.
+    pub(super) fn new(
+        prover: &Prover,
+        region: &PoseBox,
+        at: &Point,
+        charts: &[f64; CABLES],
+    ) -> Option<Self> {
+        let balance = prover.balance(at)?;
+        let step = ChartStep::new(prover.robot(), &balance, charts).ok()?;
+        let inverse = step.elimination().inverse();
+        let (sights, loading) = prover.likeness.look(&PoseBox { low: *at, high: *at }).ok()?;
+        let mut by_pose_n = loading.by_pose();
+        for (i, sight) in sights.iter().enumerate() {
+            let hung = prover.curves.hung(i, sight, Interval::point(charts[i]))?;
+            sight.add_by_pose(&mut by_pose_n, &hung, prover.likeness.moment_arm_m());
+        }
+        let mut reach = Vector6::zeros();
+        let slopes_n = Vector6::from_fn(|i, _| step.points[i].force_by_chart_n.norm());
+        let mut moved_n = [0.0; COORDINATES];
+        for k in 0..COORDINATES {
+            let moved = (inverse * by_pose_n[k].map(Interval::middle)).abs();
+            let moved = moved * (0.5 * region.extent(k));
+            reach += moved;
+            moved_n[k] = moved.dot(&slopes_n);
+        }
+        let turns: [f64; CABLES] =
+            std::array::from_fn(|i| prover.turn(&balance, i, charts[i], reach[i]));
+        let mut order: Vec<usize> = (0..CABLES).collect();
+        order.sort_by(|a, b| turns[*b].total_cmp(&turns[*a]));
+        let start = |eliminated: usize| {
+            let (chart, reach) = (charts[eliminated], reach[eliminated]);
+            // Not up to where the determinant changes its sign.
+            let row = inverse.row(eliminated).transpose();
+            let plane = &balance.planes()[eliminated];
+            let rise =
+                |chart: f64| row.dot(&plane.wrench_n(&prover.tangent(&balance, eliminated, chart)));
+            let least = STEEP * rise(chart);
+            let end = |way: f64| {
+                let rooms = BRACKETS.map(|times| way * (times * reach + LEAST_BRACKET));
+                let is_steep = |room: &&f64| rise(chart + **room) >= least;
+                chart + rooms.iter().rev().find(is_steep).unwrap_or(&rooms[0])
+            };
+            Start {
+                charts: *charts,
+                eliminated,
+                bracket: [end(-1.0), end(1.0)],
+                is_positive: step.elimination().is_positive(),
+            }
+        };
+        let turns = order.iter().map(|cable| turns[*cable]).collect();
+        let starts = order.into_iter().map(start).collect();
+        let widest = largest(0..COORDINATES, |k| moved_n[k]);
+        let defect = defect(prover, region, at, charts, &inverse, &slopes_n)?;
+        Some(Self { starts, turns, widest, defect })
+    }
+}
+
+/// How far the matrix at fixed coordinates is from that at a pose, at the ends of a box: the norm in newtons.
+fn defect(
+    prover: &Prover,
+    region: &PoseBox,
+    at: &Point,
+    charts: &[f64; CABLES],
+    inverse: &Matrix6<f64>,
+    slopes_n: &Vector6<f64>,
+) -> Option<f64> {
+    let mut sum = Vector6::zeros();
+    for k in 0..COORDINATES {
+        let mut there = *at;
+        there[k] += 0.5 * region.extent(k);
+        let balance = prover.balance(&there)?;
+        for i in 0..CABLES {
+            let (plane, model) = (&balance.planes()[i], &prover.robot().cables()[i].model);
+            let tangent = model.hang(plane.x_m, plane.z_m, charts[i]).force_by_chart_n;
+            let mut column = inverse * plane.wrench_n(&tangent);
+            column[i] -= 1.0;
+            // A move by 1 N of this cable, in newtons of each.
+            sum += column.abs().component_mul(slopes_n) / (slopes_n[i] * CABLES as f64);
+        }
+    }
+    Some(sum.sum())
+}
