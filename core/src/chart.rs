@@ -31,8 +31,9 @@
 //!
 //! a line across its force curve, which it meets where the slope `a . dF/dq` has the sign of the determinant of the six
 //! columns `G_i dF_i/dp_i` on the wanted sheet, and once more where it has the other. The start has a bracket of `q` in
-//! which the slope has the right sign throughout, so that a search by signs finds the one. (Nonlinear elimination, as in
-//! P. J. Lanzkron, D. J. Rose and J. T. Wilkes, *An analysis of approximate nonlinear elimination*, 1996.)
+//! which the slope has the right sign, but at one end, where it may reach past a fold: so a search by signs, of the
+//! distance from the line and of the slope, finds the one. (Nonlinear elimination, as in P. J. Lanzkron, D. J. Rose and
+//! J. T. Wilkes, *An analysis of approximate nonlinear elimination*, 1996.)
 //!
 //! The error `e` of the five others after a step is that of their tangents alone, however sharply the sixth bends:
 //! `sum M_i e_i + G_6 (F_6(q) - F_6(q*)) = sum G_i F_i''(somewhere between) e_i^2 / 2`. One to three steps do, from
@@ -256,6 +257,8 @@ pub struct Start<T> {
     pub eliminated: usize,
     /// Coordinates between which its point is looked for, the taut one first.
     pub bracket: [T; 2],
+    /// The end of the bracket that may be past a fold: the slack one, or the taut one.
+    pub fold_at_slack_end: bool,
     /// Sign of the determinant of the six columns `G_i dF_i/dp_i` at the solution.
     pub is_positive: bool,
 }
@@ -268,6 +271,7 @@ impl<T: Copy> Start<T> {
             charts: self.charts.map(&number),
             eliminated: self.eliminated,
             bracket: self.bracket.map(&number),
+            fold_at_slack_end: self.fold_at_slack_end,
             is_positive: self.is_positive,
         }
     }
@@ -319,7 +323,11 @@ impl<T: Real> Start<T> {
         let is_even = (CABLES - 1 - sixth) & 1 == 0;
         let sign = if self.is_positive == is_even { T::one() } else { -T::one() };
         let [x, z, rest] = condensed.left().map(|entry| sign * entry);
-        let line = Line { normal: Vector2::new(x, z), offset_n: rest };
+        let line = Line {
+            normal: Vector2::new(x, z),
+            offset_n: rest,
+            falls_at_slack_end: self.fold_at_slack_end,
+        };
         let (chart, force_n) = line
             .crossing(&cable.model, (plane.x_m, plane.z_m), *chart, self.bracket)
             .ok_or(StepFault::SingularCable(sixth))?;
@@ -342,11 +350,13 @@ impl<T: Real> Start<T> {
 struct Line<T> {
     normal: Vector2<T>,
     offset_n: T,
+    /// Where `normal . F` may fall as the coordinate rises: at the slack end of a bracket, or at the taut one.
+    falls_at_slack_end: bool,
 }
 
 impl<T: Real> Line<T> {
-    /// The point of a force curve on the line, in a bracket of its coordinate over which `normal . F + offset` rises;
-    /// coordinate and force.
+    /// The point of a force curve on the line, in a bracket of its coordinate over which `normal . F + offset` rises,
+    /// but towards one end; coordinate and force.
     ///
     /// Newton's method, halving where a step would leave the bracket or does not shrink fast, and from
     /// [`NEWTON_STEPS`] on: what is left of the bracket then is halved until it ends.
@@ -369,7 +379,10 @@ impl<T: Real> Line<T> {
             let force_n = point.state.force_n;
             let excess_n = self.normal.dot(&force_n) + self.offset_n;
             let slope_n = self.normal.dot(&point.force_by_chart_n);
-            if excess_n > T::zero() {
+            let rises = slope_n > T::zero();
+            // Where it falls it is beyond the fold.
+            let is_past = if rises { excess_n > T::zero() } else { self.falls_at_slack_end };
+            if is_past {
                 high = chart;
             } else {
                 low = chart;
@@ -378,14 +391,14 @@ impl<T: Real> Line<T> {
             let next = chart + change;
             let closest = T::constant(CROSSED) * (T::one() + chart.abs());
             // False for NaN, all of them.
-            if change.abs() <= closest {
+            if rises && change.abs() <= closest {
                 // What is left is of second order.
                 return Some((next, force_n + point.force_by_chart_n * change));
             }
             if high - low <= closest {
                 return Some((chart, force_n));
             }
-            let shrinks = change.abs() <= half * last_change;
+            let shrinks = rises && change.abs() <= half * last_change;
             if shrinks && next >= low && next <= high && step < NEWTON_STEPS {
                 last_change = change.abs();
                 chart = next;

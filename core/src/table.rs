@@ -6,14 +6,14 @@
 //! connected sheet, within so many steps, at every pose of the cell. The host's `cdpr table build` makes and
 //! proves it; [`Table`] reads it where it lies, without a copy, at any alignment.
 //!
-//! # Format, version 3
+//! # Format, version 4
 //!
 //! Little-endian. Lengths in m, forces in N, masses in kg; `f32` is IEEE 754 single precision.
 //!
 //! | offset | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `CDPRSEED` |
-//! | 8 | `u16` | version, 3 |
+//! | 8 | `u16` | version, 4 |
 //! | 10 | `u8` | cable model: 1, the elastic catenary |
 //! | 11 | `u8` | Newton steps that are certified to suffice |
 //! | 12 | `u32` | bytes in all, with the checksum |
@@ -28,20 +28,24 @@
 //! | 320 | 11 `f32` | load: mass (kg), centre of mass (m, 3), gravity (m/s^2), force (N, 3), moment (N m, 3) |
 //! | 364 | 6 `f32` | longest rest lengths for which the sheet was wanted, m |
 //! | 388 | 2 bytes a word | tree, root first |
-//! | | 16 bytes a seed | a `u16`: bits 0 to 2 the eliminated cable (0 to 5), bit 3 set where the determinant is positive; then the bracket of its coordinate and the coordinates of the five others, in their order, of each number the upper half of an `f32` (see [`Start`], [`shortened`]) |
+//! | | 16 bytes a seed | a `u16`: bits 0 to 2 the eliminated cable (0 to 5), bit 3 set where the determinant is positive, bit 4 where a fold is at the slack end; then the bracket of its coordinate and the coordinates of the five others, in their order, of each number the upper half of an `f32` (see [`Start`], [`shortened`]) |
 //! | last 4 | `u32` | CRC-32 (ISO-HDLC: that of zip and Ethernet) of all bytes before |
 //!
 //! The turn vector is [`Pose::turn_vector`]: the axis of the platform's turn times the sine of its angle.
 //!
-//! A node of the tree is a `u16`, and sometimes two more. Its highest bits tell its kind:
+//! A node of the tree is a `u16`, and sometimes more. Its highest bits tell its kind:
 //!
 //! - 0, a split: bits 12 to 14 are the coordinate (0 to 5) in which the box is halved. The node of the lower half
 //!   follows; bits 0 to 11 are the number of words from this node to that of the upper half.
+//! - 0 with 6 or 7 in bits 12 to 14, a trim: what of the box is beyond a [`Plane`] is not covered, as the sheet ends at a
+//!   fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement. In the
+//!   next word are the components of its normal in the position, of five bits each in two's complement, the first in
+//!   the lowest; after a 7 those in the turn vector are in the word behind it, else they are zero.
 //! - 10, a cell: bits 0 to 13 are the index of its seed, which other cells may have as well.
 //! - 11, nothing: bits 0 to 7 tell why ([`Gap`]).
 //!
-//! A number that does not fit is in the next two words, lower half first, and its bits are zero in a split and
-//! one in a cell.
+//! A number that does not fit into a split or a cell is in the next two words, lower half first, and its bits are zero
+//! in a split and one in a cell.
 //!
 //! A table holds for every robot whose parameters differ from its own by no more than the part
 //! [`LIKENESS`], which covers those that were rounded to `f32` on another way.
@@ -55,7 +59,7 @@ use crate::{CABLES, CableState, Load, Pose, Real, Robot};
 /// What a table begins with.
 pub const MAGIC: [u8; 8] = *b"CDPRSEED";
 /// The version of the format that is read and written.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 /// Tag of the elastic catenary, the only model of this version.
 pub const ELASTIC_CATENARY: u8 = 1;
 /// Part by which a parameter of the robot may differ from that of the table: two roundings to `f32`.
@@ -64,7 +68,7 @@ pub const LIKENESS: f64 = 1.0 / (1 << 22) as f64;
 pub const TOLERANCE: f64 = 1.0 / (1 << 10) as f64;
 /// Coordinates of a pose: position and turn vector.
 pub const COORDINATES: usize = 6;
-/// Splits from the root to a cell at most.
+/// Splits and trims from the root to a cell at most.
 pub const MAX_DEPTH: usize = 120;
 /// Seeds at most.
 pub const MAX_SEEDS: u32 = 1 << 27;
@@ -115,6 +119,11 @@ pub const CRC_BYTES: usize = 4;
 /// Bits of a split that tell where its upper half is, and of a cell that tell its seed.
 const SKIP: u16 = (1 << 12) - 1;
 const SEED: u16 = (1 << 14) - 1;
+/// A trim by its position only, and by its turn as well.
+const TRIM: u16 = 6 << 12;
+const TRIM_TURNED: u16 = 7 << 12;
+/// Bits of a component of a normal.
+const COMPONENT: usize = 5;
 /// Kinds that are no split.
 const CELL: u16 = 0b10 << 14;
 const NOTHING: u16 = 0b11 << 14;
@@ -145,19 +154,25 @@ pub enum Gap {
     Unproven,
     /// Proven, but not connected to the sheet within the region.
     NotConnected,
+    /// The sheet ends at a fold there, or is about to.
+    Fold,
+    /// Left out, so that the table is small enough.
+    LeftOut,
     /// A reason that this version does not know.
     Other,
 }
 
 impl Gap {
     /// All that are written, in the order of their codes.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::NoSolution,
         Self::BeyondLimits,
         Self::SingularCable,
         Self::TooManySteps,
         Self::Unproven,
         Self::NotConnected,
+        Self::Fold,
+        Self::LeftOut,
     ];
 
     /// The reason with this code.
@@ -184,6 +199,8 @@ impl core::fmt::Display for Gap {
             Self::Unproven => "not proven: a cable between taut and slack, or a fold, is near",
             Self::TooManySteps => "Newton's method takes too many steps",
             Self::NotConnected => "not connected to the sheet within the region",
+            Self::Fold => "the sheet ends at a fold there, or is about to",
+            Self::LeftOut => "left out, so that the table is small enough",
             Self::Other => "unknown reason",
         })
     }
@@ -269,30 +286,86 @@ pub enum Node {
         /// Index of its seed.
         seed: usize,
     },
+    /// What is beyond a plane is not covered: [`Gap::Fold`].
+    Trim {
+        /// The plane.
+        plane: Plane,
+        /// Place of the node of what is left.
+        inside: usize,
+    },
     /// No cell.
     Nothing(Gap),
 }
 
+/// A plane in a box whose coordinates run from 0 to 1 each. What is beyond it has `normal . t > offset/16`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plane {
+    /// Its direction: components up to [`Plane::LARGEST`] in size.
+    pub normal: [i8; COORDINATES],
+    /// See above: up to [`Plane::FARTHEST`] in size.
+    pub offset: i16,
+}
+
+impl Plane {
+    /// The largest component of a normal.
+    pub const LARGEST: i8 = 15;
+    /// The largest offset.
+    pub const FARTHEST: i16 = (1 << 11) - 1;
+    /// Units of the offset in one of the normal.
+    pub const PER_UNIT: f64 = 16.0;
+
+    /// Whether a place in the box is beyond it.
+    #[inline]
+    #[must_use]
+    pub fn is_beyond<T: Real>(&self, place: &[T; COORDINATES]) -> bool {
+        let number = |n: i16| T::constant(f64::from(n));
+        let terms = self.normal.iter().zip(place).map(|(n, t)| number(i16::from(*n)) * *t);
+        let along = terms.fold(T::zero(), |sum, term| sum + term);
+        along > number(self.offset) * T::constant(1.0 / Self::PER_UNIT)
+    }
+}
+
+/// Three components of a normal in a word, and back.
+fn packed(components: &[i8]) -> u16 {
+    let bits = |n: &i8| u16::from(n.cast_unsigned()) & ((1 << COMPONENT) - 1);
+    components.iter().rev().fold(0, |word, n| word << COMPONENT | bits(n))
+}
+
+#[allow(clippy::cast_possible_truncation)] // five bits
+fn component(word: u16, k: usize) -> i8 {
+    // To the highest bits, and back with the sign.
+    let highest = 16 - COMPONENT;
+    ((word << (highest - COMPONENT * (k % 3))).cast_signed() >> highest) as i8
+}
+
 impl Node {
-    /// As it is written: the first so many of three words. Of a split the distance between its halves counts, not
+    /// As it is written: the first so many of the words. Of a split the distance between its halves counts, not
     /// where they are. Numbers beyond [`MAX_SEEDS`] and [`MAX_WORDS`] do not fit.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)] // see there
     pub fn encode(self) -> ([u16; 3], usize) {
+        let short = |word: u16| ([word, 0, 0], 1);
         let long = |word: u16, number: usize| ([word, number as u16, (number >> 16) as u16], 3);
         match self {
             Self::Split { coordinate, lower, upper } => {
                 let word = (coordinate as u16) << 12;
                 let skip = upper.saturating_sub(lower).saturating_add(1);
                 if skip <= usize::from(SKIP) {
-                    ([word | skip as u16, 0, 0], 1)
+                    short(word | skip as u16)
                 } else {
                     long(word, skip.saturating_add(2))
                 }
             }
-            Self::Cell { seed } if seed < usize::from(SEED) => ([CELL | seed as u16, 0, 0], 1),
+            Self::Cell { seed } if seed < usize::from(SEED) => short(CELL | seed as u16),
             Self::Cell { seed } => long(CELL | SEED, seed),
-            Self::Nothing(gap) => ([NOTHING | gap.code() as u16, 0, 0], 1),
+            Self::Trim { plane, .. } => {
+                let (position, turn) = plane.normal.split_at(3);
+                let turned = turn.iter().any(|n| *n != 0);
+                let kind = if turned { TRIM_TURNED } else { TRIM };
+                let word = kind | plane.offset.cast_unsigned() & SKIP;
+                ([word, packed(position), packed(turn)], if turned { 3 } else { 2 })
+            }
+            Self::Nothing(gap) => short(NOTHING | gap.code() as u16),
         }
     }
 }
@@ -477,6 +550,10 @@ impl<'a> Table<'a> {
                     let start = self.seed(seed).ok_or(TableFault::Malformed)?;
                     return Ok(start.map(|number| T::constant(f64::from(number))));
                 }
+                Node::Trim { plane, .. } if plane.is_beyond(&t) => {
+                    return Err(TableFault::Uncovered(Gap::Fold));
+                }
+                Node::Trim { inside, .. } => index = inside,
                 Node::Nothing(gap) => return Err(TableFault::Uncovered(gap)),
             }
         }
@@ -552,7 +629,19 @@ impl<'a> Table<'a> {
             Some(halves.0 | halves.1 << 16)
         };
         let first = word(index)?;
-        if first & CELL == 0 {
+        let kind = first & !SKIP;
+        if kind == TRIM || kind == TRIM_TURNED {
+            let position = word(index + 1)?;
+            let (turn, inside) = match kind {
+                TRIM => (0, index + 2),
+                _ => (word(index + 2)?, index + 3),
+            };
+            let normal =
+                core::array::from_fn(|k| component(if k < 3 { position } else { turn }, k));
+            // Twelve bits, the highest of which is the sign.
+            let plane = Plane { normal, offset: (first << 4).cast_signed() >> 4 };
+            (inside < self.words).then_some(Node::Trim { plane, inside })
+        } else if first & CELL == 0 {
             let coordinate = usize::from(first >> 12);
             let (lower, skip) = match first & SKIP {
                 0 => (index + 3, long()?),
@@ -584,15 +673,19 @@ impl<'a> Table<'a> {
     }
 }
 
-/// Bit of the first word of a seed, besides the eliminated cable.
+/// Bits of the first word of a seed, besides the eliminated cable.
 const IS_POSITIVE: u16 = 1 << 3;
+const FOLD_AT_SLACK_END: u16 = 1 << 4;
 
 /// A seed as it is written. The lower halves of its numbers are lost: see [`shortened`].
 #[must_use]
 #[allow(clippy::cast_possible_truncation)] // below eight
 pub fn encoded(seed: &Start<f32>) -> [u16; SEED_WORDS] {
     let upper = |number: f32| (number.to_bits() >> 16) as u16;
-    let kind = (seed.eliminated & 7) as u16 | if seed.is_positive { IS_POSITIVE } else { 0 };
+    let bit = |is_set: bool, bit: u16| if is_set { bit } else { 0 };
+    let kind = (seed.eliminated & 7) as u16
+        | bit(seed.is_positive, IS_POSITIVE)
+        | bit(seed.fold_at_slack_end, FOLD_AT_SLACK_END);
     let [low, high] = seed.bracket.map(upper);
     let mut words = [kind, low, high, 0, 0, 0, 0, 0];
     let others = seed.charts.iter().enumerate().filter(|(i, _)| *i != seed.eliminated);
@@ -609,14 +702,15 @@ pub fn encoded(seed: &Start<f32>) -> [u16; SEED_WORDS] {
 pub fn decoded([kind, low, high, others @ ..]: [u16; SEED_WORDS]) -> Option<Start<f32>> {
     let number = |upper: u16| f32::from_bits(u32::from(upper) << 16);
     let (eliminated, bracket) = (usize::from(kind & 7), [number(low), number(high)]);
-    let is_sound = eliminated < CABLES && kind >> 4 == 0 && bracket[0] < bracket[1];
+    let is_sound = eliminated < CABLES && kind >> 5 == 0 && bracket[0] < bracket[1];
     let mut charts = [chart::between(bracket[0], bracket[1]); CABLES];
     let free = charts.iter_mut().enumerate().filter(|(i, _)| *i != eliminated);
     for ((_, chart), word) in free.zip(others) {
         *chart = number(word);
     }
     let is_positive = kind & IS_POSITIVE != 0;
-    is_sound.then_some(Start { charts, eliminated, bracket, is_positive })
+    let fold_at_slack_end = kind & FOLD_AT_SLACK_END != 0;
+    is_sound.then_some(Start { charts, eliminated, bracket, fold_at_slack_end, is_positive })
 }
 
 /// Position (m) and turn vector of a pose; `None` for turns of a right angle and more.

@@ -279,7 +279,7 @@ fn every_mistake_about_tables_is_named() {
         (folder.write("long", &[b'a'; 1000]), "long: not a warm-start table"),
         (folder.write("journal", &BUILD.journal), "journal: not a warm-start table"),
         (folder.write("empty", b""), "empty: too short for a table"),
-        (folder.write("version", &damaged(9)), "version: of version 259, newer than 3"),
+        (folder.write("version", &damaged(9)), "version: of version 260, newer than 4"),
         (folder.write("torn", &BUILD.table[..BUILD.table.len() - 1]), "torn: "),
         (folder.write("flipped", &damaged(400)), "flipped: corrupt: its checksum is wrong"),
     ];
@@ -362,7 +362,7 @@ fn inspection_says_what_is_in_a_table() {
     let json = stdout(&cdpr(&["table", "inspect", &file, "--format", "json"]).success());
     let answer: Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!(answer["bytes"], BUILD.table.len());
-    assert_eq!(answer["version"], 3);
+    assert_eq!(answer["version"], 4);
     assert_eq!(answer["load"][0], 69.0);
     assert_eq!(answer["max_lengths_m"], serde_json::json!([50.0, 50.0, 50.0, 50.0, 50.0, 50.0]));
     assert_eq!(answer["low"][0], -100.0);
@@ -385,7 +385,7 @@ fn inspection_says_what_is_in_a_table() {
         assert!(fault.to_string().contains(reason), "{fault}, not {reason}");
     }
     let text = stdout(&cdpr(&["table", "inspect", &file]).success());
-    assert!(text.contains("warm-start table, version 3") && text.contains("load 69 kg"), "{text}");
+    assert!(text.contains("warm-start table, version 4") && text.contains("load 69 kg"), "{text}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use cdpr_core::chart::{Charted as _, Start};
 use cdpr_core::newton::converge;
 use cdpr_core::statics::Balance;
-use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, Node, TOLERANCE, Table, TableFault};
+use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, Node, Plane, TOLERANCE, Table, TableFault};
 use cdpr_core::{
     CABLES, Cable, CableLimits, CableState, Fault, IrvineCatenary, Load, Pose, Real, Robot,
     SetPoint, Tracker, TrackerSettings, Twist,
@@ -41,20 +41,20 @@ const TREE: usize = 388;
 /// The table of all tests here. Long and flat, and mostly beyond the workspace: built in seconds, for most of it
 /// has no solution, and with all that a table can have: splits, cells, and gaps of several kinds.
 static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let [_, y, z, ..] = START;
+    let low = [-100.0, y - 0.1, z - 0.1, -TILT, -TILT, -TILT];
+    let high = [100.0, y + 0.1, z + 0.1, TILT, TILT, TILT];
+    built([START[0], y, z], low, high, 8)
+});
+
+fn built(position_m: [f64; 3], low: Place, high: Place, depth: u8) -> Vec<u8> {
     let mut robot = RobotDescription::marionet_crane();
     for limits in &mut robot.limits {
         limits.max_length_m = LONGEST_M;
     }
-    let [x, y, z, ..] = START;
-    let request = Request {
-        robot,
-        position_m: [x, y, z],
-        rotation_vector_rad: [0.0; 3],
-        model: ModelKind::Irvine,
-    };
-    let low = [-100.0, y - 0.1, z - 0.1, -TILT, -TILT, -TILT];
-    let high = [100.0, y + 0.1, z + 0.1, TILT, TILT, TILT];
-    let effort = Effort { steps: 4, depth: 8 };
+    let model = ModelKind::Irvine;
+    let request = Request { robot, position_m, rotation_vector_rad: [0.0; 3], model };
+    let effort = Effort { steps: 4, depth, max_bytes: None };
     let order = Order::new(&request, low, high, Choice::Shortest, None, effort).expect("an order");
     let threads = rayon::ThreadPoolBuilder::new().build().expect("threads");
     let tiles: Vec<usize> = (0..order.tiles()).collect();
@@ -65,7 +65,7 @@ static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     };
     order.cover(&threads, &tiles, keep).expect("a sheet").expect("kept");
     order.assemble(plans).expect("a table").bytes
-});
+}
 
 fn table() -> Table<'static> {
     Table::open(&TABLE).expect("a table")
@@ -103,12 +103,19 @@ enum What {
     Nothing(u32),
 }
 
-/// A leaf and its box, in parts of the region.
+/// A leaf and its box, in parts of the region; a cell may be cut off by a plane: normal and offset.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
     low: Place,
     high: Place,
+    plane: Option<([i32; COORDINATES], i32)>,
     what: What,
+}
+
+/// The lowest bits of a word, so many of them, as a number with a sign.
+fn signed(word: usize, bits: u32) -> i32 {
+    let value = i32::try_from(word & ((1 << bits) - 1)).expect("few bits");
+    if value < 1 << (bits - 1) { value } else { value - (1 << bits) }
 }
 
 /// A reader of its own, by the offsets in the description of the format.
@@ -158,18 +165,31 @@ impl Reader<'_> {
             Ordering::Equal => middle * middle.abs(),
             Ordering::Greater => number(2 + i),
         });
-        Start { charts, eliminated, bracket, is_positive: kind & 8 != 0 }
+        let (is_positive, fold_at_slack_end) = (kind & 8 != 0, kind & 16 != 0);
+        Start { charts, eliminated, bracket, fold_at_slack_end, is_positive }
     }
 
     fn leaves(&self) -> Vec<Leaf> {
         let seeds_at = TREE + 2 * self.word(16) as usize;
         let mut leaves = Vec::new();
-        let mut stack = vec![(0, [0.0; COORDINATES], [1.0; COORDINATES])];
-        while let Some((node, low, high)) = stack.pop() {
+        let mut stack = vec![(0, [0.0; COORDINATES], [1.0; COORDINATES], None)];
+        while let Some((node, low, high, plane)) = stack.pop() {
             let short = self.short(TREE + 2 * node);
             let word = usize::from(short);
             let long = || self.word(TREE + 2 * (node + 1)) as usize;
             match word >> 14 {
+                0 | 1 if word >> 12 >= 6 => {
+                    let turned = word >> 12 == 7;
+                    let normals = |at: usize| usize::from(self.short(TREE + 2 * at));
+                    let normal = std::array::from_fn(|k| match (k < 3, turned) {
+                        (true, _) => signed(normals(node + 1) >> (5 * k), 5),
+                        (false, true) => signed(normals(node + 2) >> (5 * (k - 3)), 5),
+                        (false, false) => 0,
+                    });
+                    assert_eq!(plane, None, "one plane is enough");
+                    let next = node + if turned { 3 } else { 2 };
+                    stack.push((next, low, high, Some((normal, signed(word, 12)))));
+                }
                 0 | 1 => {
                     let k = word >> 12;
                     let (first, second) = match word & 0xfff {
@@ -179,14 +199,17 @@ impl Reader<'_> {
                     let middle = 0.5 * (low[k] + high[k]);
                     let (mut lower, mut upper) = (high, low);
                     (lower[k], upper[k]) = (middle, middle);
-                    stack.extend([(first, low, lower), (second, upper, high)]);
+                    stack.extend([(first, low, lower, plane), (second, upper, high, plane)]);
                 }
                 2 => {
                     let seed = if word & 0x3fff == 0x3fff { long() } else { word & 0x3fff };
                     let start = self.seed(seeds_at + 16 * seed);
-                    leaves.push(Leaf { low, high, what: What::Cell(start) });
+                    leaves.push(Leaf { low, high, plane, what: What::Cell(start) });
                 }
-                _ => leaves.push(Leaf { low, high, what: What::Nothing(u32::from(short & 0xff)) }),
+                _ => {
+                    let what = What::Nothing(u32::from(short & 0xff));
+                    leaves.push(Leaf { low, high, plane, what });
+                }
             }
         }
         leaves
@@ -217,12 +240,32 @@ fn answers(
         if !is_in {
             continue;
         }
-        answers.push(match leaf.what {
-            What::Nothing(code) => Err(TableFault::Uncovered(Gap::ALL[code as usize])),
-            What::Cell(seed) => Ok(seed),
-        });
+        let (is_before, is_beyond) = leaf.sides(&t, &margin);
+        if is_before {
+            answers.push(match leaf.what {
+                What::Nothing(code) => Err(TableFault::Uncovered(Gap::ALL[code as usize])),
+                What::Cell(seed) => Ok(seed),
+            });
+        }
+        if is_beyond {
+            answers.push(Err(TableFault::Uncovered(Gap::Fold)));
+        }
     }
     answers
+}
+
+impl Leaf {
+    /// Whether a place may be before its plane, and whether it may be beyond it.
+    fn sides(&self, t: &Place, margin: &Place) -> (bool, bool) {
+        let Some((normal, offset)) = self.plane else { return (true, false) };
+        let (mut past, mut unknown) = (-f64::from(offset) / 16.0, 1e-4);
+        for k in 0..COORDINATES {
+            let side = self.high[k] - self.low[k];
+            past += f64::from(normal[k]) * (t[k] - self.low[k]) / side;
+            unknown += f64::from(normal[k]).abs() * margin[k] / side;
+        }
+        (past <= unknown, past >= -unknown)
+    }
 }
 
 /// The pose with these coordinates in f32, and the very same in f64.
@@ -313,7 +356,7 @@ fn every_damage_is_refused_by_its_name() {
         let wanted = match bit / 8 {
             0..8 => TableFault::NotATable,
             8..10 => match u16::from_le_bytes([bytes[8], bytes[9]]) {
-                version @ 0..3 => TableFault::OlderVersion(version),
+                version @ 0..4 => TableFault::OlderVersion(version),
                 version => TableFault::NewerVersion(version),
             },
             12..16 => TableFault::WrongLength {
@@ -359,6 +402,8 @@ fn made(words: &[u16], seeds: &[[u16; 8]]) -> Vec<u8> {
 }
 
 const CELL: u16 = 0x8000;
+const TRIM: u16 = 6 << 12;
+const TRIM_TURNED: u16 = 7 << 12;
 const NOTHING: u16 = 0xc000;
 
 /// The upper half is so many words on.
@@ -380,7 +425,7 @@ fn seeds_that_make_no_sense_are_refused() {
     let beginnings = [
         ([6, low, high], false),
         ([15, low, high], false),
-        ([kind | 16, low, high], false),
+        ([kind | 32, low, high], false),
         ([kind | 0x8000, low, high], false),
         ([kind, high, low], false),
         ([kind, low, low], false),
@@ -416,21 +461,27 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         charts: [0.5, 0.5, -0.25, 0.5, 0.5, 0.5],
         eliminated: 2,
         bracket: [-4.0, 1.0],
+        fold_at_slack_end: false,
         is_positive: true,
     };
     let (start, _, _) = poses(&START);
     let (robot, load) = crane::<f32>();
     let at = |bytes: &[u8]| Table::open(bytes).expect("opens").start_at(&start);
-    let good: [&[u16]; 4] = [
+    // At the start, with which half of the region the lower one is.
+    let good: [&[u16]; 8] = [
         &[CELL],
         &[CELL | 0x3fff, 0, 0], // the number in two words
         &[split(0, 2), CELL, CELL],
         &[split(0, 0), 4, 0, CELL, CELL],
+        &[TRIM | 1, 0, CELL],           // all is before it
+        &[TRIM | 0x7ff, 0x1f, CELL],    // a component of -1
+        &[TRIM_TURNED | 1, 0, 0, CELL], // with words for turns
+        &[split(0, 3), TRIM | 1, 0, CELL, CELL],
     ];
     for words in good {
         assert_eq!(at(&made(words, &[seed])), Ok(wanted), "{words:x?}");
     }
-    let malformed: [(&[u16], usize); 17] = [
+    let malformed: [(&[u16], usize); 20] = [
         (&[CELL | 1], 1), // a seed that is not there
         (&[CELL | 0x3ffe], 1),
         (&[CELL | 0x3fff, 1, 0], 1),
@@ -445,8 +496,11 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         (&[split(0, 0), 3, 0, CELL, CELL], 1),
         (&[split(0, 0), 0xffff, 0xffff, CELL, CELL], 1),
         (&[split(0, 0)], 1),
-        (&[split(6, 2), CELL, CELL], 1),
-        (&[split(7, 2), CELL, CELL], 1),
+        (&[TRIM], 1), // torn off
+        (&[TRIM, 0], 1),
+        (&[TRIM_TURNED, 0, 0], 1),
+        (&[TRIM_TURNED, 0], 1),
+        (&[TRIM, 0, CELL | 1], 1),
         (&[split(0, 2), split(0, 2), split(0, 2)], 1),
     ];
     for (words, seeds) in malformed {
@@ -479,9 +533,28 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         let bytes = made(&words[..count], &[]);
         assert_eq!(Table::open(&bytes).expect("opens").node(0), Some(Node::Cell { seed }));
     }
+    // Planes: all that fits is what it was, and it is beyond the one side.
+    for case in 0..2000 {
+        let mut rng = random::numbers(case);
+        let mut normal: [i8; COORDINATES] = std::array::from_fn(|_| rng.random_range(-15..=15));
+        if case % 2 == 0 {
+            normal[3..].fill(0);
+        }
+        let plane = Plane { normal, offset: rng.random_range(-2047..=2047) };
+        let (words, count) = Node::Trim { plane, inside: 0 }.encode();
+        assert_eq!(count, if normal[3..] == [0; 3] { 2 } else { 3 });
+        let bytes = made(&[&words[..count], &[CELL]].concat(), &[seed]);
+        let table = Table::open(&bytes).expect("opens");
+        assert_eq!(table.node(0), Some(Node::Trim { plane, inside: count }));
+        let parts: Place = std::array::from_fn(|_| rng.random_range(0.01..0.99));
+        let (pose, _, place) = poses(&Reader(&TABLE).place(&parts));
+        let reader = Reader(&bytes);
+        let possible = answers(&reader, &reader.leaves(), &place);
+        assert!(possible.contains(&table.start_at(&pose)), "case {case}");
+    }
     // Gaps of today and of tomorrow.
     for (code, gap) in
-        (0..).zip(Gap::ALL).chain([(6, Gap::Other), (77, Gap::Other), (255, Gap::Other)])
+        (0..).zip(Gap::ALL).chain([(8, Gap::Other), (77, Gap::Other), (255, Gap::Other)])
     {
         let bytes = made(&[NOTHING | code], &[]);
         assert_eq!(at(&bytes), Err(TableFault::Uncovered(gap)), "{code}");
@@ -496,10 +569,10 @@ fn a_wrong_header_is_refused_though_the_checksum_is_right() {
         let bytes = repaired(bytes);
         Table::open(&bytes).map(|_| ())
     };
-    for version in [0, 1, 2] {
+    for version in [0, 1, 2, 3] {
         assert_eq!(with(8, &[version, 0]), Err(TableFault::OlderVersion(u16::from(version))));
     }
-    assert_eq!(with(8, &[4, 0]), Err(TableFault::NewerVersion(4)));
+    assert_eq!(with(8, &[5, 0]), Err(TableFault::NewerVersion(5)));
     for model in [0, 2, 255] {
         assert_eq!(with(10, &[model]), Err(TableFault::OtherModel(model)));
     }
@@ -540,7 +613,8 @@ fn a_step_balances_five_tangents_and_one_curve() {
         let eliminated = rng.random_range(0..CABLES);
         let bracket = [rng.random_range(-300.0..-100.0), rng.random_range(-10.0..3.0)];
         let charts = std::array::from_fn(|_| rng.random_range(-100.0..-10.0));
-        let start = Start { charts, eliminated, bracket, is_positive: rng.random() };
+        let (is_positive, fold_at_slack_end) = (rng.random(), rng.random());
+        let start = Start { charts, eliminated, bracket, fold_at_slack_end, is_positive };
         let Ok(next) = start.step(&robot, &balance) else { continue };
         assert_eq!(Start { charts, ..next }, start);
         let point = |i: usize, chart: f64| {
@@ -916,6 +990,62 @@ fn everywhere_it_leads_to_the_proven_solution_of_its_sheet() {
     let at_most = cases / 1000;
     assert!(count.undecided <= at_most && count.lost <= at_most, "{count:?}");
     assert!(count.uncertified <= at_most, "{count:?}");
+}
+
+/// Half a metre across a fold: cells go up to planes close before it.
+#[test]
+fn trimmed_cells_lead_to_a_proven_solution_up_to_their_planes() {
+    let level = 1e-6;
+    let low = [2.0, 9.0, 1.0, -level, -level, -level];
+    let high = [2.5, 9.5, 1.5, level, level, level];
+    let bytes = built([2.1, 9.1, 1.2], low, high, 6);
+    let (reader, table) = (Reader(&bytes), Table::open(&bytes).expect("a table"));
+    let leaves = reader.leaves();
+    let trimmed: Vec<&Leaf> = leaves.iter().filter(|leaf| leaf.plane.is_some()).collect();
+    assert!(trimmed.len() >= 3, "{} of {} cells are trimmed", trimmed.len(), leaves.len());
+    let (robot, load) = crane::<f32>();
+    let cases = random_tests(1500).cases;
+    let [before, beyond, without] = (0..u64::from(cases))
+        .into_par_iter()
+        .map(|case| {
+            let mut rng = random::numbers(case);
+            let leaf = trimmed[rng.random_range(0..trimmed.len())];
+            let t: Place = std::array::from_fn(|_| rng.random_range(0.05..0.95));
+            let (normal, offset) = leaf.plane.expect("trimmed");
+            // Straight to the plane, and at random a little before it or beyond.
+            let dot =
+                |t: &Place| (0..COORDINATES).map(|k| f64::from(normal[k]) * t[k]).sum::<f64>();
+            let square: f64 = normal.iter().map(|n| f64::from(n * n)).sum();
+            let aside = rng.random_range(-0.1..0.1);
+            let way = (f64::from(offset) / 16.0 - dot(&t)) / square + aside / square.sqrt();
+            let t: Place = std::array::from_fn(|k| t[k] + way * f64::from(normal[k]));
+            if !t.iter().all(|t| (0.0..1.0).contains(t)) {
+                return [0; 3];
+            }
+            let parts = std::array::from_fn(|k| leaf.low[k] + t[k] * (leaf.high[k] - leaf.low[k]));
+            let (single, exact, place) = poses(&reader.place(&parts));
+            let states = table.states(&robot, &load, &single);
+            let possible = answers(&reader, &leaves, &place);
+            assert!(possible.contains(&table.start_at(&single)), "case {case}");
+            let solutions = proven(&exact);
+            match states {
+                Ok(states) => {
+                    let solutions = solutions.unwrap_or_else(|| panic!("case {case}: undecided"));
+                    let near =
+                        |one: &&[CableState<f64>; CABLES]| apart(&wide(&states), one) <= TOLERANCE;
+                    assert_eq!(solutions.iter().filter(near).count(), 1, "case {case}");
+                    [1, 0, 0]
+                }
+                Err(TableFault::Uncovered(Gap::Fold)) => {
+                    [0, 1, usize::from(solutions.is_some_and(|all| all.is_empty()))]
+                }
+                Err(fault) => panic!("case {case}: {fault}"),
+            }
+        })
+        .reduce(|| [0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]));
+    println!("{before} before the planes, {beyond} beyond, {without} of these without a solution");
+    let cases = cases as usize;
+    assert!(before > cases / 6 && beyond > cases / 6 && without > cases / 50);
 }
 
 #[test]

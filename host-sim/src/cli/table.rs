@@ -72,6 +72,9 @@ pub(super) struct Build {
     /// How often a tile of a metre may be halved: more covers more, in more bytes
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u8).range(0..=60))]
     depth: u8,
+    /// Leave out the cells that cover least, until the table has no more bytes than this
+    #[arg(long, value_name = "N")]
+    max_bytes: Option<u32>,
     /// The table
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -184,7 +187,7 @@ impl Build {
         }
         let middle = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
         let request = self.question.request_at(self.question.position.unwrap_or(middle))?;
-        let effort = Effort { steps: self.steps, depth: self.depth };
+        let effort = Effort { steps: self.steps, depth: self.depth, max_bytes: self.max_bytes };
         let order = Order::new(&request, low, high, self.choose, self.solution, effort)?;
         let pool = in_order::threads(self.threads.map(|n| n.get().into()))?;
         let shard = self.shard.unwrap_or(Shard::WHOLE);
@@ -316,6 +319,11 @@ impl Inspect {
                     upper[k] = middle;
                     stack.push((second, upper, high));
                     stack.push((first, low, lower));
+                }
+                Some(Node::Trim { inside, .. }) => {
+                    let reason = cdpr_core::table::Gap::Fold.to_string();
+                    uncovered.push(Uncovered { low, high, reason });
+                    stack.push((inside, low, high));
                 }
                 Some(Node::Cell { .. }) => cells += 1,
                 Some(Node::Nothing(gap)) => {

@@ -1,16 +1,19 @@
 //! One tile of the region, divided into cells.
 //!
-//! A box of poses is tried with the seed of the larger box that it is a part of; if the proof does not hold for all of it,
-//! with seeds of its own, the solution at its middle with one of the two cables eliminated that bend most over the box;
-//! else it is halved, in the coordinate that moves the forces most, and each half is tried in the same way. Halves
-//! that are covered from the same seed are one cell again: at every pose of the face between them the seed leads to
-//! one solution, so that the solution is continuous over both.
+//! A box of poses is tried with the seeds of the larger boxes that it is a part of; if the proof does not hold for all
+//! of it, with seeds of its own, the solution at its middle with one of the two cables eliminated that bend most over
+//! the box; if there is a fold in it, so with what is before a plane close to that; else it is halved, in the coordinate
+//! that moves the forces most, and each half is tried in the same way. Halves that are covered from the same seed are
+//! one cell again: at every pose of the face between them the seed leads to one solution, so that the solution is
+//! continuous over both. So it is, too, in a trimmed cell, that is proven part by part.
 
 use cdpr_core::chart::Start;
-use cdpr_core::table::{COORDINATES, Gap, SEED_WORDS, decoded, encoded, shortened};
+use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_WORDS, decoded, encoded, shortened};
 use serde::{Deserialize, Serialize};
 
+use super::border::Edge;
 use super::outlook::Outlook;
+use super::patch::{HalfSpace, Patch};
 use super::place::{Point, PoseBox, largest};
 use super::proof::{Prover, Verdict};
 use super::survey::{Found, Survey};
@@ -19,14 +22,22 @@ use super::survey::{Found, Survey};
 const SEED_ATTEMPTS: usize = 12;
 /// Seeds of other cells of the tile that are tried before a new one is kept.
 const KNOWN_SEEDS: usize = 6;
+/// Seeds of larger boxes that are tried.
+const SEEDS_GIVEN: usize = 6;
 /// Cables that are tried as the eliminated one.
 const CABLES_TRIED: usize = 2;
-/// Sine of the angle by which the tangents of the others may turn over a box for which a proof is tried.
+/// A proof is tried for a box over which the tangents of no more cables than this turn by an angle with this sine: the
+/// eliminated one, and one for whose bend the box may still be small enough.
+const BENDING: usize = 2;
 const MOST_TURN: f64 = 0.5;
-/// And how far the matrix may turn.
+/// And the matrix by no more than this.
 const MOST_DEFECT: f64 = 0.3;
 /// A box for which none is tried gives its parts a seed to share if it turns less than this.
 const DEFECT_OF_SEEDS: f64 = 0.9;
+/// Where so many halvings are left a box is trimmed, so far before the fold, in sides of the box.
+const ROOMS: [(u8, &[f64]); 2] = [(6, &[0.08]), (3, &[0.08, 0.16, 0.3])];
+/// Halvings of a trimmed box for its proof.
+const TRIM_HALVINGS: u8 = 9;
 /// Where a length is beyond its limit by this factor, nothing is tried.
 const FAR_BEYOND: f64 = 1.1;
 /// Rounding of a pose's place in the region, in f32, as a part of its extent; and of its turn vector.
@@ -45,6 +56,15 @@ pub enum Plan {
     },
     /// Covered.
     Cell(Cell),
+    /// Covered up to a plane.
+    Trim {
+        /// See [`Plane`].
+        normal: [i8; COORDINATES],
+        /// See [`Plane`].
+        offset: i16,
+        /// What is before it.
+        cell: Cell,
+    },
     /// Not covered.
     Nothing(#[serde(with = "gap_code")] Gap),
 }
@@ -79,6 +99,8 @@ pub struct Effort {
     pub steps: u8,
     /// Halvings of a tile at most.
     pub depth: u8,
+    /// Bytes of the table at most.
+    pub max_bytes: Option<u32>,
 }
 
 /// A gap by its code.
@@ -121,7 +143,7 @@ impl Plan {
             Self::Split { coordinate, halves } => {
                 usize::from(*coordinate) < COORDINATES && halves.iter().all(Self::is_sound)
             }
-            Self::Cell(cell) => decoded(cell.seed).is_some(),
+            Self::Cell(cell) | Self::Trim { cell, .. } => decoded(cell.seed).is_some(),
             Self::Nothing(_) => true,
         }
     }
@@ -130,7 +152,7 @@ impl Plan {
     pub(super) fn cells(&self) -> usize {
         match self {
             Self::Split { halves, .. } => halves.iter().map(Self::cells).sum(),
-            Self::Cell(_) => 1,
+            Self::Cell(_) | Self::Trim { .. } => 1,
             Self::Nothing(_) => 0,
         }
     }
@@ -146,59 +168,173 @@ pub(super) struct Tiler<'a> {
 impl Tiler<'_> {
     /// Covers a tile as far as that goes.
     pub(super) fn cover(&self, tile: &PoseBox) -> Plan {
-        self.part(tile, 0, None, &mut Vec::new())
+        self.part(tile, 0, &[], &mut Vec::new())
     }
 
-    /// Covers a box, with a seed that a larger box had, or one of those that did for others.
-    fn part(&self, part: &PoseBox, depth: u8, seed: Option<Seed>, known: &mut Vec<Seed>) -> Plan {
+    /// Covers a box, with one of the seeds that larger boxes had, or of its own, or one of those that did for others.
+    fn part(&self, part: &PoseBox, depth: u8, given: &[Seed], known: &mut Vec<Seed>) -> Plan {
         if !self.survey.is_near(part) {
             return Plan::Nothing(Gap::NoSolution);
         }
         let Some((at, found)) = self.found(part) else {
-            return self.halved(part, depth, seed, None, Gap::NoSolution, known);
+            return self.halved(part, depth, given, None, Gap::NoSolution, known);
         };
         if found.length_share > FAR_BEYOND {
-            return self.halved(part, depth, seed, None, Gap::BeyondLimits, known);
+            return self.halved(part, depth, given, None, Gap::BeyondLimits, known);
         }
         let Some(outlook) = Outlook::new(self.prover, part, &at, &found.charts) else {
-            return self.halved(part, depth, seed, None, Gap::SingularCable, known);
+            return self.halved(part, depth, given, None, Gap::SingularCable, known);
         };
-        // One cable may bend, and one more is a matter of patches.
-        let bends = outlook.turns.iter().skip(2).any(|turn| *turn > MOST_TURN);
-        if bends || outlook.defect > MOST_DEFECT {
-            let own = || outlook.starts.first().map(written);
-            let given = if outlook.defect < DEFECT_OF_SEEDS { own().or(seed) } else { seed };
-            return self.halved(part, depth, given, Some(outlook.widest), Gap::Unproven, known);
-        }
-        let (mut split, mut gap) = match seed.map(|seed| self.examine(part, &seed)) {
-            Some(Ok(cell)) => return Plan::Cell(cell),
-            Some(Err(why)) => why,
-            None => (None, Gap::TooManySteps),
+        let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(s, &at)).collect();
+        let own: Vec<Seed> = outlook.starts.iter().take(CABLES_TRIED).map(written).collect();
+        let bends = outlook.turns.iter().skip(BENDING).any(|turn| *turn > MOST_TURN);
+        let (split, gap) = if bends || outlook.defect > MOST_DEFECT {
+            (Some(outlook.widest), Gap::Unproven)
+        } else {
+            match self.cell(part, &at, &given, &own, known) {
+                Ok(cell) => return Plan::Cell(cell),
+                Err(why) => match self.trimmed(part, depth, (&at, &found), &given) {
+                    Some(trimmed) => return trimmed,
+                    None => why,
+                },
+            }
         };
-        let mut own = None;
-        for start in outlook.starts.iter().take(CABLES_TRIED) {
-            let start = written(start);
-            match self.examine(part, &start) {
-                // A seed that others have already makes a smaller table.
-                Ok(cell) => {
-                    let is_like = |seed: &&Seed| seed[0] == start[0];
-                    let mut others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
-                    if let Some(cell) = others.find_map(|s| self.examine(part, s).ok()) {
-                        return Plan::Cell(cell);
-                    }
-                    known.push(start);
-                    return Plan::Cell(cell);
-                }
-                Err(why) => {
-                    if own.is_none() {
-                        (split, gap) = (why.0.or(split), why.1);
-                        own = Some(start);
-                    }
-                }
+        if outlook.defect < DEFECT_OF_SEEDS {
+            given.extend(own.first());
+            if given.len() > SEEDS_GIVEN {
+                given.remove(1);
             }
         }
-        let given = seed.filter(|_| gap != Gap::TooManySteps).or(own).or(seed);
-        self.halved(part, depth, given, split, gap, known)
+        self.halved(part, depth, &given, split, gap, known)
+    }
+
+    /// Covers all of a box, with a seed that it was given, or one of its own or another that does as well; the reason
+    /// why that is not proven, and the coordinate in which to halve it.
+    fn cell(
+        &self,
+        part: &PoseBox,
+        at: &Point,
+        given: &[Seed],
+        own: &[Seed],
+        known: &mut Vec<Seed>,
+    ) -> Result<Cell, (Option<usize>, Gap)> {
+        let mut why = (None, Gap::TooManySteps);
+        for seed in given.iter().filter(|seed| self.leads_at_corners(seed, part, None)) {
+            match self.examine(part, seed) {
+                Ok(cell) => return Ok(cell),
+                Err(next) => why = (next.0.or(why.0), next.1),
+            }
+        }
+        for seed in own {
+            match self.examine(part, seed) {
+                Ok(cell) => {
+                    // A seed that others have already makes a smaller table.
+                    let is_like = |other: &&Seed| other[0] == seed[0] && self.leads(other, at);
+                    let mut others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
+                    if let Some(cell) = others.find_map(|seed| self.examine(part, seed).ok()) {
+                        return Ok(cell);
+                    }
+                    known.push(*seed);
+                    return Ok(cell);
+                }
+                Err(next) => why = (next.0.or(why.0), next.1),
+            }
+        }
+        Err(why)
+    }
+
+    /// Covers a box up to a plane before a fold, with a seed that it was given or one of its own.
+    fn trimmed(
+        &self,
+        part: &PoseBox,
+        depth: u8,
+        (at, found): (&Point, &Found),
+        given: &[Seed],
+    ) -> Option<Plan> {
+        let left = self.effort.depth - depth;
+        let (_, rooms) = ROOMS.iter().find(|(at, _)| *at == left)?;
+        let edge = Edge::find(self.prover, part, at, &found.charts)?;
+        rooms.iter().find_map(|room| {
+            let plane = edge.plane(*room)?;
+            let half = HalfSpace::of(part, plane).wider(&self.room());
+            let middle = Patch::within(*part, &half)?.middle;
+            let own = || {
+                let charts = self.survey.follow(at, found, &middle)?.charts;
+                let outlook = Outlook::new(self.prover, part, &middle, &charts)?;
+                outlook.starts.first().map(written)
+            };
+            let leads = |seed: &Seed| {
+                self.leads(seed, &middle) && self.leads_at_corners(seed, part, Some(&half))
+            };
+            let prove = |seed: Seed| {
+                let steps = self.prove_trimmed(part, &half, &seed, TRIM_HALVINGS)?;
+                let Plane { normal, offset } = plane;
+                Some(Plan::Trim { normal, offset, cell: Cell { seed, steps } })
+            };
+            let mut given = given.iter().copied().filter(leads);
+            given.find_map(prove).or_else(|| prove(own()?))
+        })
+    }
+
+    /// Whether a seed leads to solutions at the corners of a box, or those of them that are in a half-space.
+    fn leads_at_corners(&self, seed: &Seed, part: &PoseBox, half: Option<&HalfSpace>) -> bool {
+        let corner = |number: u8| {
+            let end = |k: usize| f64::from(number >> k & 1);
+            part.at(&std::array::from_fn(|k| if k < 3 { end(k) } else { 0.5 }))
+        };
+        let is_in = |at: &Point| half.is_none_or(|half| half.contains(at));
+        (0..8).map(corner).filter(is_in).all(|at| self.leads(seed, &at))
+    }
+
+    /// Whether a seed leads to a solution at a pose, as far as floats tell.
+    fn leads(&self, seed: &Seed, at: &Point) -> bool {
+        started(seed).is_some_and(|start| self.prover.leads(at, &start, self.effort.steps))
+    }
+
+    /// The steps that a seed takes for what of a box is in a half-space, if that is proven.
+    fn prove_trimmed(
+        &self,
+        part: &PoseBox,
+        half: &HalfSpace,
+        seed: &Seed,
+        halvings: u8,
+    ) -> Option<u8> {
+        match self.verdict(part, Some(half), &started(seed)?) {
+            Verdict::Proven { steps } => Some(steps),
+            Verdict::Open { split, .. } if halvings > 0 => {
+                let parts = part.halves(split);
+                // What is closer to the plane fails sooner.
+                let first = half.nearer_half(split);
+                let mut most = 1;
+                for part in [parts[first], parts[1 - first]] {
+                    most = most.max(self.prove_trimmed(&part, half, seed, halvings - 1)?);
+                }
+                Some(most)
+            }
+            _ => None,
+        }
+    }
+
+    /// What of each coordinate a controller's rounding may add.
+    fn room(&self) -> Point {
+        std::array::from_fn(|k| {
+            let turn = if k < 3 { 0.0 } else { TURN_ROUNDING };
+            PLACE_ROUNDING * self.region.extent(k) + turn
+        })
+    }
+
+    /// The proof of a box, or of what of it is in a half-space, with all that a controller may take for a pose of it.
+    fn verdict(&self, part: &PoseBox, half: Option<&HalfSpace>, start: &Start<f64>) -> Verdict {
+        let room = self.room();
+        let mut whole = *part;
+        for k in 0..COORDINATES {
+            whole.low[k] -= room[k];
+            whole.high[k] += room[k];
+        }
+        match half.map_or(Some(Patch::whole(whole)), |half| Patch::within(whole, half)) {
+            Some(patch) => self.prover.examine(&patch, start, self.effort.steps),
+            None => Verdict::Proven { steps: 1 }, // for no pose at all
+        }
     }
 
     /// What is made of the halves of a box; nothing, for the reason given, when it is not to be halved any more.
@@ -206,7 +342,7 @@ impl Tiler<'_> {
         &self,
         part: &PoseBox,
         depth: u8,
-        seed: Option<Seed>,
+        given: &[Seed],
         split: Option<usize>,
         gap: Gap,
         known: &mut Vec<Seed>,
@@ -215,20 +351,13 @@ impl Tiler<'_> {
             return Plan::Nothing(gap);
         }
         let split = split.unwrap_or_else(|| self.longest(part));
-        Plan::of(split, part.halves(split).map(|half| self.part(&half, depth + 1, seed, known)))
+        Plan::of(split, part.halves(split).map(|half| self.part(&half, depth + 1, given, known)))
     }
 
-    /// The proof of a box, with all that a controller may take for a pose of it.
+    /// The proof of a box.
     fn examine(&self, part: &PoseBox, seed: &Seed) -> Result<Cell, (Option<usize>, Gap)> {
-        let mut whole = *part;
-        for k in 0..COORDINATES {
-            let turn = if k < 3 { 0.0 } else { TURN_ROUNDING };
-            let room = PLACE_ROUNDING * self.region.extent(k) + turn;
-            whole.low[k] -= room;
-            whole.high[k] += room;
-        }
         let start = started(seed).ok_or((None, Gap::Other))?;
-        match self.prover.examine(&whole, &start, self.effort.steps) {
+        match self.verdict(part, None, &start) {
             Verdict::Proven { steps } => Ok(Cell { seed: *seed, steps }),
             Verdict::Refuted => Err((None, Gap::TooManySteps)),
             Verdict::Open { split, gap } => Err((Some(split), gap)),

@@ -18,6 +18,9 @@ const WIDE: f64 = 0.03;
 const PART: f64 = 0.08;
 const MOST_PARTS: f64 = 16.0;
 
+/// Narrower ranges are as good as points.
+const LEAST_RADIUS: f64 = 1e-9;
+
 /// The force curves of a robot, with all parameters that a reader takes for the same.
 pub(super) struct Curves {
     models: [IrvineCatenary<Interval>; CABLES],
@@ -30,6 +33,9 @@ pub(super) struct Reach {
     pub(super) force_n: Vector2<Interval>,
     pub(super) by_chart_n: Vector2<Interval>,
     pub(super) bend_n: Vector2<Interval>,
+    /// How force and first derivative change with the end of the cable in `x` and in `z`, per metre.
+    pub(super) by_end_n: [Vector2<Interval>; 2],
+    pub(super) turn_n: [Vector2<Interval>; 2],
 }
 
 impl Reach {
@@ -39,6 +45,8 @@ impl Reach {
             force_n: both(&self.force_n, &other.force_n),
             by_chart_n: both(&self.by_chart_n, &other.by_chart_n),
             bend_n: both(&self.bend_n, &other.bend_n),
+            by_end_n: [0, 1].map(|k| both(&self.by_end_n[k], &other.by_end_n[k])),
+            turn_n: [0, 1].map(|k| both(&self.turn_n[k], &other.turn_n[k])),
         }
     }
 }
@@ -101,6 +109,7 @@ impl Curves {
             Dual { value: strain, rate: hung.strain_by_chart },
         );
         let bend_n = moving.force_by_chart_n.map(|c| c.rate);
+        let turn_n = [moving.force_by_x_n_m, moving.force_by_z_n_m].map(|v| v.map(|c| c.rate));
         // By the mean value, where that is better.
         let half = Interval::symmetric(chart.radius());
         let (_, _, middle) = self.hung_at(i, sight, Interval::point(chart.middle()))?;
@@ -108,8 +117,27 @@ impl Curves {
         let by_chart_n = both(&hung.force_by_chart_n, &near)?;
         let near = middle.force_n + by_chart_n * half;
         let force_n = both(&hung.force_n, &near)?;
-        let known = size(&hung.force_n) + size(&hung.force_by_chart_n) + size(&bend_n);
-        known.is_bounded().then_some(Reach { force_n, by_chart_n, bend_n })
+        let turns = size(&turn_n[0]) + size(&turn_n[1]);
+        let known = size(&hung.force_n) + size(&hung.force_by_chart_n) + size(&bend_n) + turns;
+        let by_end_n = [hung.force_by_x_n_m, hung.force_by_z_n_m];
+        let known = known + size(&by_end_n[0]) + size(&by_end_n[1]);
+        known.is_bounded().then_some(Reach { force_n, by_chart_n, bend_n, by_end_n, turn_n })
+    }
+
+    /// Only the first derivative, of which the second is known already.
+    pub(super) fn slope(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+        bend_n: &Vector2<Interval>,
+    ) -> Option<Vector2<Interval>> {
+        let middle = self.hung(i, sight, Interval::point(chart.middle()))?.force_by_chart_n;
+        let near = middle + bend_n * Interval::symmetric(chart.radius());
+        if chart.radius() <= LEAST_RADIUS {
+            return Some(near);
+        }
+        both(&self.hung(i, sight, chart)?.force_by_chart_n, &near)
     }
 
     /// The curve over a range of its coordinate.

@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 
 use cdpr_core::table::{
-    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, MAX_SEEDS, MAX_WORDS, Node, SEED_BYTES,
+    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, MAX_SEEDS, MAX_WORDS, Node, Plane, SEED_BYTES,
     VERSION, WORD_BYTES, checksum, offset,
 };
 use cdpr_core::{CABLES, Load, Robot};
 
 use super::Model;
-use super::cells::{Plan, Seed};
+use super::cells::{Cell, Plan, Seed};
 
 /// Why a table cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -93,17 +93,24 @@ impl Body {
                 let node = Node::Split { coordinate, lower: 0, upper: lower.len() };
                 [words(node), lower, upper].concat()
             }
-            Plan::Cell(cell) => {
-                self.steps = self.steps.max(cell.steps);
-                let next = self.seeds.len();
-                let seed = *self.seed_numbers.entry(cell.seed).or_insert(next);
-                if seed == next {
-                    self.seeds.push(cell.seed);
-                }
-                words(Node::Cell { seed })
+            Plan::Cell(cell) => words(self.cell(cell)),
+            Plan::Trim { normal, offset, cell } => {
+                let plane = Plane { normal: *normal, offset: *offset };
+                let trim = Node::Trim { plane, inside: 0 };
+                [words(trim), words(self.cell(cell))].concat()
             }
             Plan::Nothing(gap) => words(Node::Nothing(*gap)),
         }
+    }
+
+    fn cell(&mut self, cell: &Cell) -> Node {
+        self.steps = self.steps.max(cell.steps);
+        let next = self.seeds.len();
+        let seed = *self.seed_numbers.entry(cell.seed).or_insert(next);
+        if seed == next {
+            self.seeds.push(cell.seed);
+        }
+        Node::Cell { seed }
     }
 }
 

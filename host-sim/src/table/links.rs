@@ -8,14 +8,18 @@
 use std::collections::BTreeMap;
 
 use cdpr_core::CABLES;
-use cdpr_core::table::{COORDINATES, Gap};
+use cdpr_core::table::{COORDINATES, Gap, Plane};
 
-use super::cells::{Cell, Plan, started};
+use super::cells::{Cell, Plan, spread, started};
+use super::patch::HalfSpace;
 use super::place::{Point, PoseBox};
 use super::proof::Prover;
 
 /// Two solutions that differ by less are one: far below the radii within which each is proven to be alone.
 const SAME: f64 = 1e-6;
+/// Poses of a face that are tried.
+const FACE_ATTEMPTS: usize = 64;
+
 /// Where two cells share poses but not the solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seam {
@@ -58,17 +62,19 @@ pub(super) fn connected(
 ) -> Option<(Plan, Vec<Seam>)> {
     let mut cells = Vec::new();
     gather(&plan, region, &mut cells);
-    let first = cells.iter().position(|(part, _)| part.contains(start))?;
+    let first = cells.iter().position(|placed| placed.contains(start))?;
     let mut sets = Sets::new(cells.len());
     let mut seams = Vec::new();
-    for (a, (part, cell)) in cells.iter().enumerate() {
-        for (b, (other_part, other)) in cells.iter().enumerate().skip(a + 1) {
-            let Some(at) = shared(part, other_part) else { continue };
+    for (a, placed) in cells.iter().enumerate() {
+        for (b, other) in cells.iter().enumerate().skip(a + 1) {
+            let Some(at) = placed.shared(other) else { continue };
             let lead = |cell: &Cell| {
                 let balance = prover.balance(&at)?;
                 Some(prover.lead(&balance, &started(&cell.seed)?, cell.steps)?.0)
             };
-            let (Some(here), Some(there)) = (lead(cell), lead(other)) else { continue };
+            let (Some(here), Some(there)) = (lead(&placed.cell), lead(&other.cell)) else {
+                continue;
+            };
             let same = |i: usize| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs());
             if (0..CABLES).all(same) {
                 sets.join(a, b);
@@ -84,7 +90,33 @@ pub(super) fn connected(
     Some((keep(plan, &kept, &mut index), seams))
 }
 
-fn gather(plan: &Plan, region: &PoseBox, cells: &mut Vec<(PoseBox, Cell)>) {
+/// A cell, where it is.
+struct Placed {
+    part: PoseBox,
+    trim: Option<HalfSpace>,
+    cell: Cell,
+}
+
+impl Placed {
+    fn contains(&self, at: &Point) -> bool {
+        self.part.contains(at) && self.trim.is_none_or(|half| half.contains(at))
+    }
+
+    /// A pose of the face that two cells share; `None` when they do not even touch, or along an edge only, or none was
+    /// found before their planes.
+    fn shared(&self, other: &Self) -> Option<Point> {
+        let face = self.part.intersection(&other.part)?;
+        let flat = (0..COORDINATES).filter(|&k| face.extent(k) <= 0.0).count();
+        if flat != 1 {
+            return None;
+        }
+        let is_of_both = |at: &Point| self.contains(at) && other.contains(at);
+        let others = (0..FACE_ATTEMPTS).map(|n| face.at(&spread(n)));
+        std::iter::once(face.middle()).chain(others).find(is_of_both)
+    }
+}
+
+fn gather(plan: &Plan, region: &PoseBox, cells: &mut Vec<Placed>) {
     match plan {
         Plan::Split { coordinate, halves } => {
             let parts = region.halves(usize::from(*coordinate));
@@ -92,7 +124,12 @@ fn gather(plan: &Plan, region: &PoseBox, cells: &mut Vec<(PoseBox, Cell)>) {
                 gather(half, part, cells);
             }
         }
-        Plan::Cell(cell) => cells.push((*region, *cell)),
+        Plan::Cell(cell) => cells.push(Placed { part: *region, trim: None, cell: *cell }),
+        Plan::Trim { normal, offset, cell, .. } => {
+            let plane = Plane { normal: *normal, offset: *offset };
+            let trim = Some(HalfSpace::of(region, plane));
+            cells.push(Placed { part: *region, trim, cell: *cell });
+        }
         Plan::Nothing(_) => {}
     }
 }
@@ -105,26 +142,20 @@ fn keep(plan: Plan, kept: &[bool], index: &mut usize) -> Plan {
             let upper = keep(upper, kept, index);
             Plan::of(usize::from(coordinate), [lower, upper])
         }
-        Plan::Cell(cell) => {
+        Plan::Cell(_) | Plan::Trim { .. } => {
             let is_kept = kept[*index];
             *index += 1;
-            if is_kept { Plan::Cell(cell) } else { Plan::Nothing(Gap::NotConnected) }
+            if is_kept { plan } else { Plan::Nothing(Gap::NotConnected) }
         }
-        Plan::Nothing(gap) => Plan::Nothing(gap),
+        Plan::Nothing(_) => plan,
     }
-}
-
-/// The middle of the face that two cells share; `None` when they do not even touch, or along an edge only.
-fn shared(part: &PoseBox, other_part: &PoseBox) -> Option<Point> {
-    let face = part.intersection(other_part)?;
-    let flat = (0..COORDINATES).filter(|&k| face.extent(k) <= 0.0).count();
-    (flat == 1).then(|| face.middle())
 }
 
 /// How many places of a plan are not covered, by reason.
 pub(super) fn gaps(plan: &Plan, counts: &mut BTreeMap<Gap, usize>) {
     match plan {
         Plan::Split { halves, .. } => halves.iter().for_each(|half| gaps(half, counts)),
+        Plan::Trim { .. } => *counts.entry(Gap::Fold).or_default() += 1,
         Plan::Nothing(gap) => *counts.entry(*gap).or_default() += 1,
         Plan::Cell(_) => {}
     }

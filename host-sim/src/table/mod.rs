@@ -7,8 +7,9 @@
 //!
 //! `survey` (where the sheet is, roughly), `outlook` (what is worth a proof) and `proof` (of a box of poses, in
 //! intervals: `place`, its parts `patch`, force curves over it `curve`, what they sum to `sums`) → `cells` (of one tile) →
-//! `journal` → `links` (of all cells) → `file` (the bytes) → `verify` (against the complete search).
+//! `journal` → `links` (of all cells) → `prune` (to so many bytes) → `file` (the bytes) → `verify` (against the complete search).
 
+mod border;
 mod cells;
 mod curve;
 mod file;
@@ -17,6 +18,7 @@ mod outlook;
 mod patch;
 mod place;
 mod proof;
+mod prune;
 mod sheets;
 mod sums;
 mod survey;
@@ -88,6 +90,9 @@ pub enum OrderError {
         "no cell covers the start pose: choose one further from folds and limits, or more --depth"
     )]
     StartUncovered,
+    /// The cell of the start does not fit.
+    #[error("--max-bytes: too few for a table with the start pose in it")]
+    StartLeftOut,
     /// The pose.
     #[error("--position: {0}")]
     Pose(#[from] GeometryFault),
@@ -283,8 +288,16 @@ impl Order {
             sheet_lengths_m: self.start_lengths_m,
             limits_m: self.max_lengths_m,
         };
-        let bytes = file::write(prover.robot(), prover.load(), &header, &plan)?;
+        let write = |plan: &Plan| file::write(prover.robot(), prover.load(), &header, plan);
+        let most = self.effort.max_bytes.map_or(usize::MAX, |most| most as usize);
+        let fits = |plan: &Plan| write(plan).is_ok_and(|bytes| bytes.len() <= most);
+        let plan = prune::fitting(plan, fits);
+        let bytes = write(&plan)?;
         let table = Table::open(&bytes).expect("what was just written");
+        let at_start = place::pose(&start).map_err(OrderError::Pose)?;
+        if bytes.len() > most || table.start_at(&at_start).is_err() {
+            return Err(OrderError::StartLeftOut);
+        }
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
         let (mut wanted, mut covered) = (0, 0);
         for n in 0..COVERAGE_SAMPLES {

@@ -38,17 +38,12 @@ impl Outlook {
         let balance = prover.balance(at)?;
         let step = ChartStep::new(prover.robot(), &balance, charts).ok()?;
         let inverse = step.elimination().inverse();
-        let (sights, loading) = prover.likeness.look(&PoseBox { low: *at, high: *at }).ok()?;
-        let mut by_pose_n = loading.by_pose();
-        for (i, sight) in sights.iter().enumerate() {
-            let hung = prover.curves.hung(i, sight, Interval::point(charts[i]))?;
-            sight.add_by_pose(&mut by_pose_n, &hung, prover.likeness.moment_arm_m());
-        }
+        let by_pose_n = by_pose(prover, at, charts)?;
         let mut reach = Vector6::zeros();
         let slopes_n = Vector6::from_fn(|i, _| step.points[i].force_by_chart_n.norm());
         let mut moved_n = [0.0; COORDINATES];
         for k in 0..COORDINATES {
-            let moved = (inverse * by_pose_n[k].map(Interval::middle)).abs();
+            let moved = (inverse * by_pose_n[k]).abs();
             let moved = moved * (0.5 * region.extent(k));
             reach += moved;
             moved_n[k] = moved.dot(&slopes_n);
@@ -59,21 +54,37 @@ impl Outlook {
         order.sort_by(|a, b| turns[*b].total_cmp(&turns[*a]));
         let start = |eliminated: usize| {
             let (chart, reach) = (charts[eliminated], reach[eliminated]);
-            // Not up to where the determinant changes its sign.
             let row = inverse.row(eliminated).transpose();
             let plane = &balance.planes()[eliminated];
             let rise =
                 |chart: f64| row.dot(&plane.wrench_n(&prover.tangent(&balance, eliminated, chart)));
-            let least = STEEP * rise(chart);
+            let steep = STEEP * rise(chart);
+            let room = |way: f64, times: f64| chart + way * (times * reach + LEAST_BRACKET);
+            // As far as it is steep; or up to a fold, and beyond to where it falls as steeply.
             let end = |way: f64| {
-                let rooms = BRACKETS.map(|times| way * (times * reach + LEAST_BRACKET));
-                let is_steep = |room: &&f64| rise(chart + **room) >= least;
-                chart + rooms.iter().rev().find(is_steep).unwrap_or(&rooms[0])
+                let rooms = BRACKETS.map(|times| room(way, times));
+                let is_steep = |end: &&f64| rise(**end) >= steep;
+                *rooms.iter().rev().find(is_steep).unwrap_or(&rooms[0])
             };
+            let past = |way: f64| {
+                let rooms = BRACKETS.map(|times| room(way, times));
+                let falls = rooms.iter().position(|end| rise(*end) <= -steep);
+                rooms[falls.unwrap_or(BRACKETS.len() - 1)]
+            };
+            let least = [-1.0, 1.0].map(|way| {
+                BRACKETS
+                    .map(|times| rise(room(way, times)))
+                    .into_iter()
+                    .fold(f64::INFINITY, f64::min)
+            });
+            let fold_at_slack_end = least[1] < least[0];
+            let bracket =
+                if fold_at_slack_end { [end(-1.0), past(1.0)] } else { [past(-1.0), end(1.0)] };
             Start {
                 charts: *charts,
                 eliminated,
-                bracket: [end(-1.0), end(1.0)],
+                bracket,
+                fold_at_slack_end,
                 is_positive: step.elimination().is_positive(),
             }
         };
@@ -83,6 +94,21 @@ impl Outlook {
         let defect = defect(prover, region, at, charts, &inverse, &slopes_n)?;
         Some(Self { starts, turns, widest, defect })
     }
+}
+
+/// How the sum of the wrenches changes with each coordinate of the pose, N/m and N, at fixed coordinates of the cables.
+pub(super) fn by_pose(
+    prover: &Prover,
+    at: &Point,
+    charts: &[f64; CABLES],
+) -> Option<[Vector6<f64>; COORDINATES]> {
+    let (sights, loading) = prover.likeness.look(&PoseBox { low: *at, high: *at }).ok()?;
+    let mut by_pose_n = loading.by_pose(prover.likeness.everywhere());
+    for (i, sight) in sights.iter().enumerate() {
+        let hung = prover.curves.hung(i, sight, Interval::point(charts[i]))?;
+        sight.add_by_pose(&mut by_pose_n, &hung, prover.likeness.everywhere());
+    }
+    Some(by_pose_n.map(|column| column.map(Interval::middle)))
 }
 
 /// How far the matrix at fixed coordinates is from that at a pose, at the ends of a box: the norm in newtons.

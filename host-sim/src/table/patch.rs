@@ -1,26 +1,60 @@
-//! Parts of a box of poses between parallel planes.
+//! Boxes of poses, and what of them is on one side of a plane.
 //!
-//! How far a force moves over a box is known from how fast it changes with the pose. Where a force may not move far, a
-//! box is cut by planes across the direction in which it does: two such directions are enough for two forces, in how
-//! many coordinates ever a pose varies.
+//! How far the equations change over a box is known from how fast they do with the pose. A plane that is about parallel
+//! to a fold cuts off the poses at which they change too far.
 
-use cdpr_core::table::COORDINATES;
+use cdpr_core::table::{COORDINATES, Plane};
 use num_traits::Zero;
 
 use super::place::{Point, PoseBox};
 use crate::interval::Interval;
 
-/// Planes closer to parallel than this are taken for parallel.
-const PARALLEL: f64 = 1e-6;
-/// Sums of both normals with these weights (relative to their extents) show that a part is empty.
-const WEIGHTS: [f64; 6] = [-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
+/// The poses `P` with `normal . P` up to a limit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfSpace {
+    normal: Point,
+    most: f64,
+}
 
-/// The poses of a box that are between planes.
+impl HalfSpace {
+    /// What of a box is before a plane.
+    pub(super) fn of(region: &PoseBox, plane: Plane) -> Self {
+        let normal: Point = std::array::from_fn(|k| f64::from(plane.normal[k]) / region.extent(k));
+        let low: f64 = (0..COORDINATES).map(|k| normal[k] * region.low[k]).sum();
+        Self { normal, most: low + f64::from(plane.offset) / Plane::PER_UNIT }
+    }
+
+    pub(super) fn contains(&self, at: &Point) -> bool {
+        (0..COORDINATES).map(|k| self.normal[k] * at[k]).sum::<f64>() <= self.most
+    }
+
+    /// All poses that a controller may take for one of it, whose coordinates it may take for others by so much.
+    pub(super) fn wider(self, room: &Point) -> Self {
+        let more: f64 = (0..COORDINATES).map(|k| self.normal[k].abs() * room[k]).sum();
+        // And what it may round off, in sides of the box as the normal is; and what is rounded here.
+        let most = self.most + more + SINGLE;
+        Self { most: most + (self.most.abs() + more) * ROUNDING, ..self }
+    }
+
+    /// Which half of a box in a coordinate is nearer to the plane: 0 or 1.
+    pub(super) fn nearer_half(&self, coordinate: usize) -> usize {
+        usize::from(self.normal[coordinate] > 0.0)
+    }
+}
+
+/// A sum of six products of up to 15 by 1 in f32 is off by no more than this: twelve times half a unit of 90.
+const SINGLE: f64 = 1e-4;
+/// Many times the rounding of such a sum in f64.
+const ROUNDING: f64 = 1e-12;
+
+/// A box of poses, or what of it is in a half-space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
+    /// The box.
+    pub(super) region: PoseBox,
     /// A pose of the box, about in the middle of the patch.
     pub(super) middle: Point,
-    cuts: Option<[Cut; 2]>,
+    cut: Option<Cut>,
 }
 
 /// Poses `P` with `normal . P` in a range.
@@ -35,102 +69,57 @@ fn sum(factor: impl Fn(usize) -> Interval, x: impl Fn(usize) -> Interval) -> Int
     (0..COORDINATES).fold(Interval::zero(), |sum, k| sum + factor(k) * x(k))
 }
 
-/// The range of `normal . P` over a box.
-fn over(region: &PoseBox, normal: impl Fn(usize) -> f64) -> Interval {
-    sum(|k| Interval::point(normal(k)), |k| region.side(k))
-}
-
-/// The product of two normals in units of the sides of a box.
-fn product(region: &PoseBox, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
-    (0..COORDINATES).map(|k| a(k) * b(k) * region.extent(k) * region.extent(k)).sum()
-}
-
-/// The factors of two normals in `right`, given by its products with them.
-fn factors(region: &PoseBox, [one, two]: &[Cut; 2], right: [f64; 2]) -> [f64; 2] {
-    let (n, m) = (|k: usize| one.normal[k], |k: usize| two.normal[k]);
-    let (nn, nm, mm) = (product(region, n, n), product(region, n, m), product(region, m, m));
-    let determinant = nn * mm - nm * nm;
-    if determinant > PARALLEL * nn * mm {
-        let [a, b] = right;
-        [(a * mm - b * nm) / determinant, (b * nn - a * nm) / determinant]
-    } else {
-        [0.0; 2]
-    }
-}
-
 impl Patch {
     /// All of a box.
-    pub(super) fn whole(region: &PoseBox) -> Self {
-        Self { middle: region.middle(), cuts: None }
+    pub(super) fn whole(region: PoseBox) -> Self {
+        Self { region, middle: region.middle(), cut: None }
+    }
+
+    /// What of a box is in a half-space; `None` when that is nothing.
+    pub(super) fn within(region: PoseBox, half: &HalfSpace) -> Option<Self> {
+        let whole = Self::whole(region);
+        let normal = half.normal;
+        let all = sum(|k| Interval::point(normal[k]), |k| region.side(k));
+        if all.high() <= half.most {
+            return Some(whole);
+        }
+        let range = all.intersection(Interval::new(f64::NEG_INFINITY, half.most))?;
+        // The nearest to the middle of the box.
+        let here: f64 = (0..COORDINATES).map(|k| normal[k] * whole.middle[k]).sum();
+        let factor = (range.middle() - here) / whole.product(|k| normal[k], |k| normal[k]);
+        let middle = std::array::from_fn(|k| {
+            let step = factor * normal[k] * region.extent(k) * region.extent(k);
+            (whole.middle[k] + step).clamp(region.low[k], region.high[k])
+        });
+        Some(Self { region, middle, cut: Some(Cut { normal, range }) })
+    }
+
+    /// The product of two normals in units of the sides of the box.
+    fn product(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
+        let side = |k: usize| self.region.extent(k);
+        (0..COORDINATES).map(|k| a(k) * b(k) * side(k) * side(k)).sum()
+    }
+
+    /// How far from the middle a coordinate may be.
+    pub(super) fn aside(&self, k: usize) -> Interval {
+        self.region.side(k) - Interval::point(self.middle[k])
     }
 
     /// The range of `sum gradient_k (P_k - middle_k)` over the patch.
-    pub(super) fn spread(&self, region: &PoseBox, gradient: &[Interval; COORDINATES]) -> Interval {
-        let aside = |k: usize| region.side(k) - Interval::point(self.middle[k]);
-        let whole = sum(|k| gradient[k], aside);
-        let Some(cuts) = &self.cuts else { return whole };
-        // What the cuts tell of it, and the rest; right for any factors.
-        let with = |cut: &Cut| product(region, |k| gradient[k].middle(), |k| cut.normal[k]);
-        let factors = factors(region, cuts, cuts.each_ref().map(with)).map(Interval::point);
-        let mut rest = *gradient;
-        let mut known = Interval::zero();
-        for (cut, factor) in cuts.iter().zip(factors) {
-            let normal = cut.normal.map(Interval::point);
-            known += factor * (cut.range - sum(|k| normal[k], |k| Interval::point(self.middle[k])));
-            for k in 0..COORDINATES {
-                rest[k] -= factor * normal[k];
-            }
+    pub(super) fn spread(&self, gradient: &[Interval; COORDINATES]) -> Interval {
+        let whole = sum(|k| gradient[k], |k| self.aside(k));
+        let Some(Cut { normal, range }) = &self.cut else { return whole };
+        // What the cut tells of it, and the rest; right for any factor.
+        let length = self.product(|k| normal[k], |k| normal[k]);
+        let factor = self.product(|k| gradient[k].middle(), |k| normal[k]) / length;
+        if !factor.is_finite() {
+            return whole;
         }
-        (known + sum(|k| rest[k], aside)).intersection(whole).unwrap_or(whole)
-    }
-
-    /// Whether it is certain that no pose is in it.
-    pub(super) fn is_empty(&self, region: &PoseBox) -> bool {
-        let Some([one, two]) = &self.cuts else { return false };
-        let (n, m) = (|k: usize| one.normal[k], |k: usize| two.normal[k]);
-        let ranges = (over(region, n), over(region, m));
-        let misses = |all: Interval, cut: Interval| all.intersection(cut).is_none();
-        let unit = ranges.0.radius() / ranges.1.radius();
-        misses(ranges.0, one.range)
-            || misses(ranges.1, two.range)
-            || WEIGHTS.iter().any(|weight| {
-                let weight = Interval::point(weight * unit);
-                let both = |k: usize| Interval::point(n(k)) + weight * Interval::point(m(k));
-                misses(sum(both, |k| region.side(k)), one.range + weight * two.range)
-            })
-    }
-
-    /// Both halves, cut across the first normal or the second, whichever has the longer range in the unit given for
-    /// it. The normals count where nothing is cut yet.
-    pub(super) fn halves(
-        &self,
-        region: &PoseBox,
-        normals: [Point; 2],
-        units: [f64; 2],
-    ) -> [Self; 2] {
-        let cuts = self.cuts.unwrap_or_else(|| {
-            normals.map(|normal| Cut { normal, range: over(region, |k| normal[k]) })
-        });
-        let long = |which: usize| cuts[which].range.radius() * units[which];
-        let which = usize::from(long(1) > long(0));
-        let range = cuts[which].range;
-        [(range.low(), range.middle()), (range.middle(), range.high())].map(|(low, high)| {
-            let mut cuts = cuts;
-            cuts[which].range = Interval::new(low, high);
-            let mut middle = region.middle();
-            let off = |cut: &Cut| {
-                let here: f64 = (0..COORDINATES).map(|k| cut.normal[k] * middle[k]).sum();
-                cut.range.middle() - here
-            };
-            // The nearest to the middle of the box.
-            let factors = factors(region, &cuts, cuts.each_ref().map(off));
-            for k in 0..COORDINATES {
-                let step: f64 = (0..2).map(|c| factors[c] * cuts[c].normal[k]).sum();
-                let step = step * region.extent(k) * region.extent(k);
-                middle[k] = (middle[k] + step).clamp(region.low[k], region.high[k]);
-            }
-            Self { middle, cuts: Some(cuts) }
-        })
+        let factor = Interval::point(factor);
+        let along = |k: usize| Interval::point(normal[k]);
+        let known = factor * (*range - sum(along, |k| Interval::point(self.middle[k])));
+        let rest = sum(|k| gradient[k] - factor * along(k), |k| self.aside(k));
+        (known + rest).intersection(whole).unwrap_or(whole)
     }
 }
 
@@ -145,56 +134,53 @@ mod tests {
         std::array::from_fn(|_| random.random_range(-1.0..1.0))
     }
 
-    /// Cut four times over; whatever is in a patch is in what it says, and the patches leave nothing out.
+    /// Whatever is before a plane is in what its patch says, as the reader of a table has it.
     #[test]
-    fn patches_hold_all_of_a_box_and_bound_what_is_in_them() {
-        let (mut empty, mut narrower) = (0, 0);
-        for seed in 0..200 {
+    fn patches_hold_what_is_before_a_plane() {
+        let (mut empty, mut narrower, mut whole_box) = (0, 0, 0);
+        for seed in 0..2000 {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             let low = point(&mut random);
             let high = low.map(|low| low + random.random_range(1e-3..1.0));
             let region = PoseBox { low, high };
-            let mut normals = [point(&mut random), point(&mut random)];
-            if seed % 10 == 0 {
-                normals[1] = normals[0].map(|n| -2.0 * n); // parallel
-            }
-            let mut patches = vec![Patch::whole(&region)];
-            for _ in 0..4 {
-                let units = [random.random_range(0.1..10.0), 1.0];
-                let halves = |patch: &Patch| patch.halves(&region, normals, units);
-                patches = patches.iter().flat_map(halves).collect();
-            }
+            let plane = Plane {
+                normal: std::array::from_fn(|_| {
+                    random.random_range(-Plane::LARGEST..=Plane::LARGEST)
+                }),
+                offset: random.random_range(-700..700),
+            };
+            let half = HalfSpace::of(&region, plane).wider(&[1e-9; COORDINATES]);
+            let patch = Patch::within(region, &half);
             let gradient = point(&mut random).map(|g| Interval::around(g, 0.01));
-            let whole = Patch::whole(&region).spread(&region, &gradient);
-            let mut held = vec![false; patches.len()];
-            for _ in 0..200 {
-                let pose = region.at(&std::array::from_fn(|_| random.random()));
-                let dot = |a: &Point| (0..COORDINATES).map(|k| a[k] * pose[k]).sum::<f64>();
-                let mut is_held = false;
-                for (patch, held) in patches.iter().zip(&mut held) {
-                    let cuts = patch.cuts.expect("cut");
-                    if !cuts.iter().all(|cut| cut.range.contains(dot(&cut.normal))) {
-                        continue;
-                    }
-                    (is_held, *held) = (true, true);
-                    let moved: f64 = (0..COORDINATES)
-                        .map(|k| {
-                            let g = gradient[k].middle() + random.random_range(-0.01..0.01);
-                            g * (pose[k] - patch.middle[k])
-                        })
-                        .sum();
-                    let spread = patch.spread(&region, &gradient);
-                    assert!(spread.contains(moved), "{seed}: {moved} not in {spread:?}");
-                    narrower += usize::from(spread.radius() < 0.9 * whole.radius());
+            let all = Patch::whole(region).spread(&gradient);
+            whole_box += usize::from(patch.is_some_and(|patch| patch.cut.is_none()));
+            let mut is_empty = true;
+            for _ in 0..100 {
+                let place: Point = std::array::from_fn(|_| random.random());
+                if plane.is_beyond(&place) {
+                    continue;
                 }
-                assert!(is_held, "{seed}: in no patch");
+                is_empty = false;
+                let pose = region.at(&place);
+                assert!(half.contains(&pose), "{seed}");
+                let patch = patch.expect("a pose is in it");
+                let moved: f64 = (0..COORDINATES)
+                    .map(|k| {
+                        let g = gradient[k].middle() + random.random_range(-0.01..0.01);
+                        g * (pose[k] - patch.middle[k])
+                    })
+                    .sum();
+                let spread = patch.spread(&gradient);
+                assert!(spread.contains(moved), "{seed}: {moved} not in {spread:?}");
+                narrower += usize::from(spread.radius() < 0.9 * all.radius());
             }
-            for (patch, held) in patches.iter().zip(held) {
-                assert!(region.contains(&patch.middle));
-                assert!(!(held && patch.is_empty(&region)), "{seed}");
-                empty += usize::from(patch.is_empty(&region));
+            if let Some(patch) = &patch {
+                assert!(region.contains(&patch.middle), "{seed}");
+            } else {
+                assert!(is_empty, "{seed}");
+                empty += 1;
             }
         }
-        assert!(empty > 0 && narrower > 0, "{empty} {narrower}");
+        assert!(empty > 0 && narrower > 0 && whole_box > 0, "{empty} {narrower} {whole_box}");
     }
 }

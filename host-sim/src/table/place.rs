@@ -152,6 +152,8 @@ pub(super) struct Likeness {
     moment_nm: Vector3i,
 }
 
+/// Turns that move attachments less than this part of what the position does are not followed.
+const HARDLY_TURNED: f64 = 1e-3;
 /// Turn matrices of a controller in f32 are off by less than this part.
 const TURN_ROUNDING: f64 = 1e-6;
 
@@ -228,12 +230,41 @@ pub(super) struct Loading {
 /// How a wrench changes with each coordinate of the pose, N/m and N.
 pub(super) type ByPose = [Vector6<Interval>; COORDINATES];
 
+/// The coordinates of a pose along which a change is followed. Over the others it is enclosed as it stands.
+#[derive(Clone, Copy)]
+pub(super) enum Along {
+    Position,
+    PositionAndTurn { moment_arm_m: f64 },
+}
+
+impl Along {
+    /// How many coordinates these are.
+    pub(super) fn count(self) -> usize {
+        match self {
+            Self::Position => 3,
+            Self::PositionAndTurn { .. } => COORDINATES,
+        }
+    }
+
+    /// The poses of a box with the coordinates of `at` that are followed.
+    pub(super) fn across(self, region: &PoseBox, at: &Point) -> PoseBox {
+        let mut across = *region;
+        let count = self.count();
+        for end in [&mut across.low, &mut across.high] {
+            end[..count].copy_from_slice(&at[..count]);
+        }
+        across
+    }
+}
+
 impl Loading {
     /// How it changes with the pose.
-    pub(super) fn by_pose(&self) -> ByPose {
-        let zero = Vector6::zeros();
-        let [a, b, c] = self.by_turn;
-        [zero, zero, zero, a, b, c]
+    pub(super) fn by_pose(&self, along: Along) -> ByPose {
+        let mut by_pose = [Vector6::zeros(); COORDINATES];
+        if let Along::PositionAndTurn { .. } = along {
+            by_pose[3..].copy_from_slice(&self.by_turn);
+        }
+        by_pose
     }
 }
 
@@ -271,8 +302,19 @@ impl Sight {
     }
 
     /// Adds to `sums` how the wrench of a cable at fixed coordinate changes with each coordinate of the pose.
-    pub(super) fn add_by_pose(&self, sums: &mut ByPose, hung: &Hung<Interval>, moment_arm_m: f64) {
-        let Hung { force_n, force_by_x_n_m, force_by_z_n_m, .. } = hung;
+    pub(super) fn add_by_pose(&self, sums: &mut ByPose, hung: &Hung<Interval>, along: Along) {
+        let by_end = [hung.force_by_x_n_m, hung.force_by_z_n_m];
+        self.add_moved(sums, &hung.force_n, &by_end, along);
+    }
+
+    /// The same for the wrench of any vector in the plane of the cable, that changes so with the end of the cable.
+    pub(super) fn add_moved(
+        &self,
+        sums: &mut ByPose,
+        force_n: &Vector2<Interval>,
+        [force_by_x_n_m, force_by_z_n_m]: &[Vector2<Interval>; 2],
+        along: Along,
+    ) {
         let e = &self.direction;
         // The plane turns with a sideways move.
         let turning = force_n.x / self.x_m;
@@ -283,11 +325,13 @@ impl Sight {
             -Vector3i::new(change.x * e.x - swing * e.y, change.x * e.y + swing * e.x, change.y)
         };
         let by_position: [Vector3i; 3] = std::array::from_fn(|k| moved(&unit(k)));
+        for (sum, by) in sums.iter_mut().zip(&by_position) {
+            *sum += stack(by, &self.arm.cross(by));
+        }
+        let Along::PositionAndTurn { moment_arm_m } = along else { return };
         let push = self.push(force_n);
         let arm_m = Interval::point(moment_arm_m);
         for k in 0..3 {
-            let by = &by_position[k];
-            sums[k] += stack(by, &self.arm.cross(by));
             let turn = &self.arm_by_turn[k];
             let by = by_position[0] * (turn.x * arm_m)
                 + by_position[1] * (turn.y * arm_m)
@@ -300,5 +344,21 @@ impl Sight {
 impl Likeness {
     pub(super) fn moment_arm_m(&self) -> f64 {
         self.moment_arm_m
+    }
+
+    /// All coordinates.
+    pub(super) fn everywhere(&self) -> Along {
+        Along::PositionAndTurn { moment_arm_m: self.moment_arm_m }
+    }
+
+    /// The coordinates of a box that are worth it.
+    pub(super) fn along(&self, region: &PoseBox) -> Along {
+        let largest =
+            |range: Range<usize>| range.fold(0.0_f64, |most, k| most.max(region.extent(k)));
+        if largest(3..6) * self.moment_arm_m < HARDLY_TURNED * largest(0..3) {
+            Along::Position
+        } else {
+            self.everywhere()
+        }
     }
 }

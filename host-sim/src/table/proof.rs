@@ -49,11 +49,18 @@
 //! lies between iterate and solution. Beginning with the seed this gives a box for each iterate, to which is added what
 //! arithmetic in f32 may do (as what it changes in the equations).
 //!
-//! # Patches
+//! # Poses
 //!
-//! Two cables that bend in one box are too much: then `K` is not small. The box is cut into [`Patch`]es across the
-//! directions in which these two forces change, each with its own `pc` and `A`. What is common to the patches of a
-//! box are the directions and distances of the cables, which hardly change.
+//! What changes with the pose, which is the sum `S(P, pc)`, the matrix `M` and the slope of the eliminated cable, is
+//! enclosed by the mean value theorem: as at the middle of the patch, and for each coordinate a derivative, summed over
+//! the cables and multiplied with `A` before its size is taken. A turn that is hardly any is enclosed as it stands.
+//!
+//! # Folds
+//!
+//! Close to a fold the slope of the second line is zero not far from the solution. There the search in the bracket goes
+//! by the slope, too: where the left side falls, it is past the fold ([`Start::fold_at_slack_end`]). So each piece past
+//! the solution, towards that end, must have the sign of its side or fall. The poses that are too close to the fold, or
+//! beyond it, are cut off by a plane: over a [`Patch`] the sums are bounded with what the plane tells.
 
 use cdpr_core::chart::{ChartStep, Charted as _, Start};
 use cdpr_core::statics::Balance;
@@ -65,7 +72,7 @@ use num_traits::Zero;
 use super::Model;
 use super::curve::{Curves, Reach, both, size};
 use super::patch::Patch;
-use super::place::{Likeness, Point, PoseBox, largest, pose};
+use super::place::{ByPose, Likeness, Point, Sight, largest, pose};
 use super::sums::{Inverse, Piece, Sums, UPWARDS, View};
 use crate::interval::Interval;
 
@@ -81,8 +88,6 @@ const LEAST_RADIUS: f64 = 1e-9;
 const FEEDBACK: usize = 6;
 /// And what is added to each for it.
 const SHARE: f64 = 0.01;
-/// Cuts of a box into patches, one within the other, at most.
-const MOST_CUTS: u8 = 2;
 /// The arithmetic of a controller in f32: a component of the wrench of a cable is off by at most this many
 /// units of the force (15 operations of the explicit curve, whose factors are of one sign, rounded half a
 /// unit each, as are direction, lever arm, products and the sum of seven).
@@ -132,6 +137,28 @@ impl Prover {
         Balance::at(&self.robot, &self.load, &pose(at).ok()?).ok()
     }
 
+    /// A step from coordinates.
+    pub(super) fn step(
+        &self,
+        balance: &Balance<f64>,
+        charts: &[f64; CABLES],
+    ) -> Option<ChartStep<f64>> {
+        ChartStep::new(&self.robot, balance, charts).ok()
+    }
+
+    /// The solution at a pose that Newton's method leads to from one nearby, if it is of the same sign.
+    pub(super) fn nearby(
+        &self,
+        at: &Point,
+        charts: &[f64; CABLES],
+        is_positive: bool,
+        steps: usize,
+    ) -> Option<[f64; CABLES]> {
+        let balance = self.balance(at)?;
+        let (charts, step) = self.settle(&balance, charts, steps)?;
+        (step.elimination().is_positive() == is_positive).then_some(charts)
+    }
+
     /// The solution that Newton's method leads to from `charts`, in at most `steps` steps.
     pub(super) fn settle(
         &self,
@@ -152,27 +179,44 @@ impl Prover {
         None
     }
 
-    /// The solution that a seed leads to in so many steps, if that comes as close as a table asks for.
+    /// Where a seed leads in so many steps, and the step from there, if the solution is as close as a table asks for.
+    fn reached(
+        &self,
+        balance: &Balance<f64>,
+        seed: &Start<f64>,
+        steps: u8,
+    ) -> Option<ChartStep<f64>> {
+        let mut reached = *seed;
+        for _ in 0..steps {
+            reached = reached.step(&self.robot, balance).ok()?;
+        }
+        let step = self.step(balance, &reached.charts)?;
+        let (mut off_n, mut forces_n) = (0.0_f64, 0.0);
+        for (i, point) in step.points.iter().enumerate() {
+            let change = (step.charts[i] - reached.charts[i]).abs();
+            off_n = off_n.max(point.force_by_chart_n.lp_norm(1) * change);
+            forces_n += point.state.force_n.lp_norm(1);
+        }
+        let is_of_sheet = step.elimination().is_positive() == seed.is_positive;
+        (is_of_sheet && off_n <= TOLERANCE * forces_n).then_some(step)
+    }
+
+    /// Whether a seed seems to lead to a solution in so many steps at a pose.
+    pub(super) fn leads(&self, at: &Point, seed: &Start<f64>, steps: u8) -> bool {
+        let balance = self.balance(at);
+        balance.and_then(|balance| self.reached(&balance, seed, steps)).is_some()
+    }
+
+    /// The solution that a seed leads to in so many steps.
     pub(super) fn lead(
         &self,
         balance: &Balance<f64>,
         seed: &Start<f64>,
         steps: u8,
     ) -> Option<([f64; CABLES], ChartStep<f64>)> {
-        let mut reached = *seed;
-        for _ in 0..steps {
-            reached = reached.step(&self.robot, balance).ok()?;
-        }
-        let reached = reached.charts;
-        let (center, step) = self.settle(balance, &reached, SETTLING_STEPS)?;
-        let (mut off_n, mut forces_n) = (0.0_f64, 0.0);
-        for i in 0..CABLES {
-            let point = &step.points[i];
-            off_n = off_n.max(point.force_by_chart_n.lp_norm(1) * (reached[i] - center[i]).abs());
-            forces_n += point.state.force_n.lp_norm(1);
-        }
-        let is_of_sheet = step.elimination().is_positive() == seed.is_positive;
-        (is_of_sheet && off_n <= TOLERANCE * forces_n).then_some((center, step))
+        let near = self.reached(balance, seed, steps)?.charts;
+        let (center, step) = self.settle(balance, &near, SETTLING_STEPS)?;
+        (step.elimination().is_positive() == seed.is_positive).then_some((center, step))
     }
 
     /// The direction of the tangent of a cable.
@@ -187,26 +231,23 @@ impl Prover {
         tangent(chart - reach).perp(&tangent(chart + reach)).abs()
     }
 
-    /// Examines a box of poses; `steps` is what the seed may take at most.
-    pub(super) fn examine(&self, region: &PoseBox, seed: &Start<f64>, steps: u8) -> Verdict {
-        let middle = region.middle();
-        let Some(balance) = self.balance(&middle) else { return Verdict::Refuted };
+    /// Examines a patch; `steps` is what the seed may take at most.
+    pub(super) fn examine(&self, patch: &Patch, seed: &Start<f64>, steps: u8) -> Verdict {
+        let Some(balance) = self.balance(&patch.middle) else { return Verdict::Refuted };
         let Some((center, at_center)) = self.lead(&balance, seed, steps) else {
             return Verdict::Refuted;
         };
-        let view = View::new(self, region, seed, steps);
-        let frame = view.as_ref().and_then(|view| {
-            Frame::new(view, &Patch::whole(region), &balance, &center, &at_center)
-        });
+        let view = View::new(self, patch, seed, steps);
+        let frame = view.as_ref().and_then(|view| Frame::new(view, &balance, &center, &at_center));
         let Some(frame) = frame else {
             // Nothing is known: as far as an attachment moves.
             let extent = |k: usize| {
-                region.extent(k) * if k < 3 { 1.0 } else { self.likeness.moment_arm_m() }
+                patch.region.extent(k) * if k < 3 { 1.0 } else { self.likeness.moment_arm_m() }
             };
             let split = largest(0..COORDINATES, extent);
             return Verdict::Open { split, gap: Gap::SingularCable };
         };
-        match frame.prove_in_patches(MOST_CUTS) {
+        match frame.prove() {
             Ok(steps) => Verdict::Proven { steps },
             Err(gap) => Verdict::Open { split: frame.widest(), gap },
         }
@@ -216,8 +257,9 @@ impl Prover {
 /// A patch, seen from the solution at its middle.
 struct Frame<'a> {
     view: &'a View<'a>,
-    patch: Patch,
     center: [f64; CABLES],
+    /// What the cables see of its middle.
+    sights: Vec<Sight>,
     /// `A`.
     inverse: Inverse,
     /// From the taut end; fine ones around the solution, rough ones beyond.
@@ -227,9 +269,8 @@ struct Frame<'a> {
     /// Numbers of the first fine piece, and of that which begins at the solution.
     first_fine: usize,
     middle: usize,
-    /// How the sum changes with the pose, and along the curve, in the middle.
+    /// How the sum changes with the pose there.
     by_pose: [Vector6<f64>; COORDINATES],
-    slope: Vector6<f64>,
     /// Slopes of the cables there, N.
     slopes_n: [f64; CABLES],
 }
@@ -249,23 +290,20 @@ struct Stage {
 impl<'a> Frame<'a> {
     fn new(
         view: &'a View<'a>,
-        patch: &Patch,
         balance: &Balance<f64>,
         center: &[f64; CABLES],
         at_center: &ChartStep<f64>,
     ) -> Option<Self> {
         let cable = view.seed.eliminated;
         let inverse = Inverse::new(balance, at_center, cable)?;
-        let sums = Sums::new(view, patch, center, &inverse)?;
+        let sums = Sums::new(view, center, &inverse)?;
         let (at, bracket) = (center[cable], view.seed.bracket);
         let is_inside = at > bracket[0] && at < bracket[1];
         if !is_inside {
             return None;
         }
         let exact = sums.exactly(at)?;
-        let rows = sums.rows_at(Interval::point(at))?;
-        let here = sums.fine_with(&rows, &exact, at, Interval::point(at))?;
-        let slope = here.slope.map(Interval::middle);
+        let (here, rows) = sums.fine(&exact, at, at)?;
         let known = here.sum[cable].radius() / here.slope[cable].low();
         if !(known > 0.0 && known.is_finite()) {
             return None;
@@ -283,17 +321,17 @@ impl<'a> Frame<'a> {
         pieces.extend(above.map(|piece| sums.rough(piece)));
         let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
 
+        let sights = sums.sights;
         Some(Self {
             view,
-            patch: *patch,
             center: *center,
+            sights,
             inverse,
             pieces,
             joints,
             first_fine,
             middle,
             by_pose: rows.map(|row| row.map(Interval::middle)),
-            slope,
             slopes_n: at_center.points.map(|point| point.force_by_chart_n.norm()),
         })
     }
@@ -305,56 +343,12 @@ impl<'a> Frame<'a> {
         let slope_n = |i: usize| if i == cable { 1.0 } else { self.slopes_n[i] };
         let moved_n =
             |k: usize| -> f64 { (0..CABLES).map(|i| self.by_pose[k][i].abs() * slope_n(i)).sum() };
-        largest(0..COORDINATES, |k| self.view.region.extent(k) * moved_n(k))
-    }
-
-    /// The cable that bends most besides the eliminated one, if any does.
-    fn bent(&self, balance: &Balance<f64>) -> Option<usize> {
-        let cable = self.view.seed.eliminated;
-        let here = &self.joints[self.middle - self.first_fine].sum;
-        let turn = |i: usize| {
-            let by_eliminated = (self.slope[i] / self.slope[cable]).abs() * here[cable].radius();
-            let reach = here[i].radius() + by_eliminated;
-            self.view.prover.turn(balance, i, self.center[i], reach)
-        };
-        let turns: [f64; CABLES] = std::array::from_fn(|i| if i == cable { 0.0 } else { turn(i) });
-        let bent = largest(0..CABLES, |i| turns[i]);
-        (turns[bent] > 0.0).then_some(bent)
+        largest(0..COORDINATES, |k| self.view.patch.region.extent(k) * moved_n(k))
     }
 
     fn others(&self) -> impl Iterator<Item = usize> + use<> {
         let cable = self.view.seed.eliminated;
         (0..CABLES).filter(move |i| *i != cable)
-    }
-
-    /// The proof for the patch, or for parts of it, cut so many times.
-    fn prove_in_patches(&self, cuts: u8) -> Result<u8, Gap> {
-        let View { prover, region, seed, steps, .. } = self.view;
-        let gap = match self.prove() {
-            Ok(steps) => return Ok(steps),
-            Err(gap) => gap,
-        };
-        if cuts == 0 {
-            return Err(gap);
-        }
-        let balance = prover.balance(&self.patch.middle).ok_or(gap)?;
-        let bent = self.bent(&balance).ok_or(gap)?;
-        let cable = seed.eliminated;
-        // In the coordinate of the bent cable.
-        let units = [(self.slope[bent] / self.slope[cable]).abs(), 1.0];
-        let normals = [cable, bent].map(|row| self.by_pose.each_ref().map(|by| by[row]));
-        let mut most = 1;
-        for half in self.patch.halves(region, normals, units) {
-            if half.is_empty(region) {
-                continue;
-            }
-            let balance = prover.balance(&half.middle).ok_or(gap)?;
-            let (center, at_center) =
-                prover.lead(&balance, seed, *steps).ok_or(Gap::TooManySteps)?;
-            let frame = Frame::new(self.view, &half, &balance, &center, &at_center).ok_or(gap)?;
-            most = most.max(frame.prove_in_patches(cuts - 1)?);
-        }
-        Ok(most)
     }
 
     /// What the tangents at `from`, taken at `at`, miss of the curves at `to`; through `A`.
@@ -406,21 +400,32 @@ impl<'a> Frame<'a> {
         self.inverse.per_newton * (F32 * wrench_n)
     }
 
-    /// The step from anywhere in `at`; `None` where it may not lead to one place.
-    fn stage(&self, at: &[Interval; CABLES]) -> Option<Stage> {
-        let View { prover, sights, seed, .. } = self.view;
-        let cable = seed.eliminated;
+    /// The curves of five cables at `at`, and their tangents.
+    fn tangents(&self, at: &[Interval; CABLES]) -> Option<(Vec<Option<Reach>>, Columns)> {
+        let View { prover, patch, sights, along, seed, .. } = self.view;
         let mut reach = Vec::with_capacity(CABLES);
         let mut columns = Columns::default();
         for i in 0..CABLES {
-            if i == cable {
+            if i == seed.eliminated {
                 reach.push(None);
                 continue;
             }
-            let here = prover.curves.reach(i, &sights[i], at[i])?;
-            columns.set(i, &sights[i].wrench_n(&here.by_chart_n));
-            reach.push(Some(here));
+            let all = prover.curves.reach(i, &sights[i], at[i])?;
+            let middle = prover.curves.reach(i, &self.sights[i], at[i])?;
+            columns.set(i, &self.sights[i].wrench_n(&middle.by_chart_n));
+            let mut turning_n = [Vector6::zeros(); COORDINATES];
+            sights[i].add_moved(&mut turning_n, &all.by_chart_n, &all.turn_n, *along);
+            columns.turn(i, &self.inverse.rows(&turning_n, *along), patch);
+            reach.push(Some(all));
         }
+        Some((reach, columns))
+    }
+
+    /// The step from anywhere in `at`; `None` where it may not lead to one place.
+    fn stage(&self, at: &[Interval; CABLES]) -> Option<Stage> {
+        let seed = self.view.seed;
+        let cable = seed.eliminated;
+        let (reach, columns) = self.tangents(at)?;
         let center = self.center.map(Interval::point);
         let errors = std::array::from_fn(|i| at[i] - center[i]);
         let missed = self.missed(&reach, at, &center, &errors)?;
@@ -479,8 +484,23 @@ impl<'a> Frame<'a> {
             }
             first = first.checked_sub(1)?;
         }
-        // There the sign tells the side from anywhere else, too.
-        if !((0..first).all(rises) && (last + 1..self.pieces.len()).all(rises)) {
+        // From anywhere else the search goes there. Beyond, the sign stays where it rises; and towards a fold it is
+        // enough that it has the sign, or falls.
+        let goes = |number: usize, way: f64, has_sign: &mut bool| {
+            let piece = &self.pieces[number];
+            let slope = slope(piece);
+            if (way > 0.0) != seed.fold_at_slack_end {
+                return slope.low() > 0.0;
+            }
+            let value = value(piece);
+            let is_certain = if way > 0.0 { value.low() > 0.0 } else { value.high() < 0.0 };
+            *has_sign = is_certain || *has_sign && slope.low() > 0.0;
+            *has_sign || slope.high() < 0.0
+        };
+        let (mut below, mut above) = (true, true);
+        if !((0..first).rev().all(|number| goes(number, -1.0, &mut below))
+            && (last + 1..self.pieces.len()).all(|number| goes(number, 1.0, &mut above)))
+        {
             return None;
         }
 
@@ -515,7 +535,15 @@ impl<'a> Frame<'a> {
         // Seven roundings of a sum of six products, and those of the matrix.
         let sizes = self.inverse.sizes + ratio.abs() * self.inverse.sizes.row(cable);
         let rounding = columns.middle.abs() * (12.0 * f64::EPSILON);
-        (defect.abs() + matrix.abs() * columns.radius + sizes * rounding) * UPWARDS
+        let mut bound = defect.abs() + matrix.abs() * columns.radius + sizes * rounding;
+        let count = self.view.along.count();
+        for (turned, radius) in columns.turned.iter().zip(&columns.turned_radius).take(count) {
+            let swept = turned - ratio * turned.row(cable);
+            let sizes = turned.abs() + ratio.abs() * turned.row(cable).abs();
+            bound += swept.abs() + radius + ratio.abs() * radius.row(cable);
+            bound += sizes * (4.0 * f64::EPSILON);
+        }
+        bound * UPWARDS
     }
 
     /// The errors after a step, from what the tangents miss; and that of the eliminated force, N.
@@ -628,17 +656,31 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// The wrenches of the tangents of five cables, by middle and radius; column `e` is zero.
+/// The wrenches of the tangents of five cables over a patch; column `e` is zero.
 #[derive(Default)]
 struct Columns {
+    /// At the middle of the patch, by middle and radius.
     middle: Matrix6<f64>,
     radius: Matrix6<f64>,
+    /// How far each coordinate of the pose turns `A` times them at most, by middle and radius.
+    turned: [Matrix6<f64>; COORDINATES],
+    turned_radius: [Matrix6<f64>; COORDINATES],
 }
 
 impl Columns {
+    /// Sets a column at the middle of the patch.
     fn set(&mut self, cable: usize, column: &Vector6<Interval>) {
         self.middle.set_column(cable, &column.map(Interval::middle));
         self.radius.set_column(cable, &column.map(Interval::radius));
+    }
+
+    /// Sets how `A` times it changes with each coordinate.
+    fn turn(&mut self, cable: usize, rows: &ByPose, patch: &Patch) {
+        for (k, row) in rows.iter().enumerate() {
+            let aside = patch.aside(k).magnitude();
+            self.turned[k].set_column(cable, &(row.map(Interval::middle) * aside));
+            self.turned_radius[k].set_column(cable, &(row.map(Interval::radius) * aside));
+        }
     }
 }
 

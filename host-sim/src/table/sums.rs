@@ -5,11 +5,12 @@ use cdpr_core::CABLES;
 use cdpr_core::chart::{ChartStep, Start, root};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
+use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
 
 use super::curve::{Curves, Reach, size};
 use super::patch::Patch;
-use super::place::{ByPose, Loading, PoseBox, Sight};
+use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
 use crate::interval::Interval;
 
@@ -23,12 +24,13 @@ const MOST_FINE: usize = 48;
 /// For the rounding of sums of non-negative bounds.
 pub(super) const UPWARDS: f64 = 1.0 + 1e-12;
 
-/// A box of poses, and the seed to be examined for it.
+/// Poses, and the seed to be examined for them.
 pub(super) struct View<'a> {
     pub(super) prover: &'a Prover,
-    pub(super) region: &'a PoseBox,
+    pub(super) patch: &'a Patch,
     pub(super) sights: Vec<Sight>,
     loading: Loading,
+    pub(super) along: Along,
     pub(super) pieces: Vec<Rough>,
     pub(super) seed: &'a Start<f64>,
     pub(super) steps: u8,
@@ -38,13 +40,14 @@ impl<'a> View<'a> {
     /// `None` where a cable may be vertical, or its curve is not known.
     pub(super) fn new(
         prover: &'a Prover,
-        region: &'a PoseBox,
+        patch: &'a Patch,
         seed: &'a Start<f64>,
         steps: u8,
     ) -> Option<Self> {
-        let (sights, loading) = prover.likeness.look(region).ok()?;
+        let (sights, loading) = prover.likeness.look(&patch.region).ok()?;
         let pieces = Rough::all(&prover.curves, seed, &sights)?;
-        Some(Self { prover, region, sights, loading, pieces, seed, steps })
+        let along = prover.likeness.along(&patch.region);
+        Some(Self { prover, patch, sights, loading, along, pieces, seed, steps })
     }
 }
 
@@ -56,9 +59,8 @@ pub(super) struct Rough {
 }
 
 impl Rough {
-    fn of(curves: &Curves, cable: usize, sight: &Sight, chart: Interval) -> Option<Self> {
-        let Reach { force_n, by_chart_n, .. } = curves.reach_at_once(cable, sight, chart)?;
-        Some(Self { chart, force_n, by_chart_n })
+    fn of(chart: Interval, reach: &Reach) -> Self {
+        Self { chart, force_n: reach.force_n, by_chart_n: reach.by_chart_n }
     }
 
     /// The whole bracket of a seed, from its taut end.
@@ -67,7 +69,8 @@ impl Rough {
         let mut pieces = Vec::with_capacity(64);
         while low < end {
             let high = (low + longest(low)).min(end);
-            pieces.push(Self::of(curves, cable, &sights[cable], Interval::new(low, high))?);
+            let chart = Interval::new(low, high);
+            pieces.push(Self::of(chart, &curves.reach_at_once(cable, &sights[cable], chart)?));
             low = high;
         }
         Some(pieces)
@@ -100,11 +103,10 @@ pub(super) struct Piece {
 /// `A (S(P, pc) + G F(q))` over a patch, and how it comes about.
 pub(super) struct Sums<'a> {
     view: &'a View<'a>,
-    patch: &'a Patch,
     inverse: &'a Inverse,
     /// At the middle of the patch.
-    sights: Vec<Sight>,
-    /// The same there, without the eliminated cable; before `A`, and after.
+    pub(super) sights: Vec<Sight>,
+    /// The sum there, without the eliminated cable; before `A`, and after.
     others_n: Vector6<Interval>,
     others: Vector6<Interval>,
     /// How it changes with the pose, without the eliminated cable; before `A`, and after.
@@ -117,33 +119,24 @@ pub(super) struct Sums<'a> {
 impl<'a> Sums<'a> {
     pub(super) fn new(
         view: &'a View<'a>,
-        patch: &'a Patch,
         center: &[f64; CABLES],
         inverse: &'a Inverse,
     ) -> Option<Self> {
         let Prover { curves, likeness, .. } = view.prover;
-        let at = patch.middle;
-        let (sights, loading) = likeness.look(&PoseBox { low: at, high: at }).ok()?;
+        let patch = view.patch;
+        let (sights, loading) =
+            likeness.look(&view.along.across(&patch.region, &patch.middle)).ok()?;
         let mut others_n = loading.wrench_n;
-        let mut by_pose_n = view.loading.by_pose();
+        let mut by_pose_n = view.loading.by_pose(view.along);
         for i in (0..CABLES).filter(|i| *i != view.seed.eliminated) {
             let chart = Interval::point(center[i]);
             others_n += sights[i].wrench_n(&curves.hung(i, &sights[i], chart)?.force_n);
             let all = curves.hung(i, &view.sights[i], chart)?;
-            view.sights[i].add_by_pose(&mut by_pose_n, &all, likeness.moment_arm_m());
+            view.sights[i].add_by_pose(&mut by_pose_n, &all, view.along);
         }
-        let (others, rows) = (inverse.times(&others_n), inverse.rows(&by_pose_n));
-        let mut sums = Self {
-            view,
-            patch,
-            inverse,
-            sights,
-            others_n,
-            others,
-            by_pose_n,
-            rows,
-            all_others: others,
-        };
+        let (others, rows) = (inverse.times(&others_n), inverse.rows(&by_pose_n, view.along));
+        let mut sums =
+            Self { view, inverse, sights, others_n, others, by_pose_n, rows, all_others: others };
         sums.all_others += sums.spread(&rows, &Vector6::zeros());
         Some(sums)
     }
@@ -156,9 +149,12 @@ impl<'a> Sums<'a> {
 
     /// What poses aside from the middle add, swept.
     fn spread(&self, rows: &ByPose, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        let swept = rows.each_ref().map(|row| self.swept(row, ratio));
+        let mut swept = *rows;
+        for row in swept.iter_mut().take(self.view.along.count()) {
+            *row = self.swept(row, ratio);
+        }
         let gradient = |i: usize| swept.each_ref().map(|row| row[i]);
-        Vector6::from_fn(|i, _| self.patch.spread(self.view.region, &gradient(i)))
+        Vector6::from_fn(|i, _| self.view.patch.spread(&gradient(i)))
     }
 
     pub(super) fn rough(&self, piece: &Rough) -> Piece {
@@ -182,17 +178,6 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// The rows with the eliminated cable, too.
-    pub(super) fn rows_at(&self, chart: Interval) -> Option<ByPose> {
-        let Prover { curves, likeness, .. } = self.view.prover;
-        let cable = self.view.seed.eliminated;
-        let sight = &self.view.sights[cable];
-        let all = curves.hung(cable, sight, chart)?;
-        let mut by_pose_n = self.by_pose_n;
-        sight.add_by_pose(&mut by_pose_n, &all, likeness.moment_arm_m());
-        Some(self.inverse.rows(&by_pose_n))
-    }
-
     /// The sum at the middle of the patch.
     pub(super) fn exactly(&self, chart: f64) -> Option<Vector6<Interval>> {
         let cable = self.view.seed.eliminated;
@@ -201,36 +186,48 @@ impl<'a> Sums<'a> {
         Some(self.inverse.times(&(self.others_n + sight.wrench_n(&here.force_n))))
     }
 
-    /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle.
-    fn fine(&self, exact: &Vector6<Interval>, from: f64, to: f64) -> Option<Piece> {
-        let chart = Interval::new(from.min(to), from.max(to));
-        self.fine_with(&self.rows_at(chart)?, exact, from, chart)
-    }
-
-    /// The same, with the rows there.
-    pub(super) fn fine_with(
+    /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle; and how
+    /// the sum changes with the pose there.
+    pub(super) fn fine(
         &self,
-        rows: &ByPose,
         exact: &Vector6<Interval>,
         from: f64,
-        chart: Interval,
-    ) -> Option<Piece> {
+        to: f64,
+    ) -> Option<(Piece, ByPose)> {
         let cable = self.view.seed.eliminated;
         let (curves, sight) = (&self.view.prover.curves, &self.view.sights[cable]);
-        let mut piece = self.rough(&Rough::of(curves, cable, sight, chart)?);
+        let (here, none) = (&self.sights[cable], Vector6::zeros());
+        let chart = Interval::new(from.min(to), from.max(to));
+        let reach = curves.reach_at_once(cable, sight, chart)?;
+        let mut piece = self.rough(&Rough::of(chart, &reach));
+        // The slope.
+        let mut turning_n = [Vector6::zeros(); COORDINATES];
+        sight.add_moved(&mut turning_n, &reach.by_chart_n, &reach.turn_n, self.view.along);
+        let turning = self.inverse.rows(&turning_n, self.view.along);
+        let slope_n = here.wrench_n(&curves.slope(cable, here, chart, &reach.bend_n)?);
+        let slope = self.inverse.times(&slope_n);
+        let near = slope + self.spread(&turning, &none);
+        let swept = self.swept(&slope, &piece.ratio) + self.spread(&turning, &piece.ratio);
+        for i in 0..CABLES {
+            piece.slope[i] = piece.slope[i].intersection(near[i])?;
+            piece.swept_slope[i] = piece.swept_slope[i].min(swept[i].magnitude());
+        }
+        // The sum.
+        let mut moving_n = self.by_pose_n;
+        sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, self.view.along);
+        let rows = self.inverse.rows(&moving_n, self.view.along);
         let along = chart - Interval::point(from);
-        let sum = exact + piece.slope.map(|c| c * along) + self.spread(rows, &Vector6::zeros());
+        let sum = exact + piece.slope.map(|c| c * along) + self.spread(&rows, &none);
         let turned = piece.swept_slope.map(|c| Interval::symmetric(c) * along);
-        let spread = self.spread(rows, &piece.ratio);
-        let swept = self.swept(exact, &piece.ratio) + turned + spread;
+        let swept = self.swept(exact, &piece.ratio) + turned + self.spread(&rows, &piece.ratio);
         for i in 0..CABLES {
             piece.sum[i] = piece.sum[i].intersection(sum[i])?;
             piece.swept[i] = piece.swept[i].intersection(swept[i])?;
         }
-        Some(piece)
+        Some((piece, rows))
     }
 
-    /// Fine pieces from the solution to where the sum has a certain sign, their far ends, and where that is: towards
+    /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is: towards
     /// `end`, beginning with about the distance `known`, which has the sign of the way.
     pub(super) fn march(
         &self,
@@ -246,14 +243,16 @@ impl<'a> Sums<'a> {
             step = (GROWTH * step).clamp(-longest(chart), longest(chart));
             let is_last = (end - chart).abs() <= step.abs();
             let next = if is_last { end } else { chart + step };
-            pieces.push(self.fine(&exact, chart, next)?);
+            let (piece, _) = self.fine(&exact, chart, next)?;
+            let falls = piece.slope[cable].high() < 0.0;
+            pieces.push(piece);
             exact = self.exactly(next)?;
-            let joint = self.fine(&exact, next, next)?;
+            let (joint, _) = self.fine(&exact, next, next)?;
             let sum = joint.sum[cable];
             let is_certain = sum.middle() * step.signum() > 2.0 * sum.radius();
             joints.push(joint);
             chart = next;
-            if is_certain || is_last {
+            if is_certain || falls || is_last {
                 break;
             }
         }
@@ -285,8 +284,12 @@ impl Inverse {
     }
 
     /// The products with what changes with each coordinate of the pose.
-    fn rows(&self, by_pose_n: &ByPose) -> ByPose {
-        by_pose_n.each_ref().map(|column| self.times(column))
+    pub(super) fn rows(&self, by_pose_n: &ByPose, along: Along) -> ByPose {
+        let mut rows = *by_pose_n;
+        for row in rows.iter_mut().take(along.count()) {
+            *row = self.times(row);
+        }
+        rows
     }
 
     /// The product with a vector of intervals, by its middle and radius.

@@ -1,0 +1,97 @@
+//! The best table of so many bytes: cells that cover little for what they take are left out.
+
+use cdpr_core::table::Gap;
+
+use super::cells::Plan;
+
+/// Halvings of the price.
+const SEARCH: usize = 40;
+/// Words of a trim, and what of its box is taken to be before the plane.
+const TRIM_WORDS: f64 = 2.0;
+const BEFORE: f64 = 0.5;
+
+/// The plan, or what remains of it when `fits` at last.
+///
+/// Each part of it is kept when the share of the region that it covers is worth its words, at one price for a word: no
+/// other choice covers more with as many words. The price is the lowest at which the table fits.
+pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
+    if fits(&plan) {
+        return plan;
+    }
+    // No cell covers more than all.
+    let (mut low, mut high) = (0.0, 1.0);
+    let mut best = at_price(&plan, high, 1.0).0;
+    for _ in 0..SEARCH {
+        // From very little on.
+        let price = if low > 0.0 { 0.5 * (low + high) } else { 0.125 * high };
+        let (pruned, _) = at_price(&plan, price, 1.0);
+        if fits(&pruned) {
+            (high, best) = (price, pruned);
+        } else {
+            low = price;
+        }
+    }
+    best
+}
+
+/// What is worth the price of its words of a plan for this share of the region, and what it is worth.
+fn at_price(plan: &Plan, price: f64, share: f64) -> (Plan, f64) {
+    let (kept, worth) = match plan {
+        Plan::Split { coordinate, halves } => {
+            let [(lower, a), (upper, b)] =
+                halves.each_ref().map(|half| at_price(half, price, 0.5 * share));
+            (Plan::of(usize::from(*coordinate), [lower, upper]), a + b - price)
+        }
+        Plan::Cell(_) => (plan.clone(), share - price),
+        Plan::Trim { .. } => (plan.clone(), BEFORE * share - (TRIM_WORDS + 1.0) * price),
+        Plan::Nothing(_) => (plan.clone(), -price),
+    };
+    if worth < -price { (Plan::Nothing(Gap::LeftOut), -price) } else { (kept, worth) }
+}
+
+#[cfg(test)]
+mod tests {
+    use cdpr_core::table::SEED_WORDS;
+
+    use super::super::cells::Cell;
+    use super::*;
+
+    fn cell(seed: u16) -> Plan {
+        Plan::Cell(Cell { seed: [seed; SEED_WORDS], steps: 1 })
+    }
+
+    fn split(lower: Plan, upper: Plan) -> Plan {
+        Plan::Split { coordinate: 0, halves: Box::new([lower, upper]) }
+    }
+
+    /// A large cell, and ever smaller ones.
+    fn staircase(depth: u16) -> Plan {
+        if depth == 0 { Plan::Nothing(Gap::Fold) } else { split(cell(depth), staircase(depth - 1)) }
+    }
+
+    #[test]
+    fn what_fits_is_kept_whole() {
+        let plan = staircase(8);
+        assert_eq!(fitting(plan.clone(), |_| true), plan);
+    }
+
+    #[test]
+    fn the_smallest_cells_go_first() {
+        for most in 1..8 {
+            let kept = fitting(staircase(8), |plan| plan.cells() <= most);
+            assert_eq!(kept.cells(), most);
+            let mut at = &kept;
+            for depth in 0..most {
+                let Plan::Split { halves, .. } = at else { panic!("{kept:?}") };
+                assert_eq!(halves[0], cell(8 - u16::try_from(depth).unwrap()));
+                at = &halves[1];
+            }
+            assert_eq!(*at, Plan::Nothing(Gap::LeftOut));
+        }
+    }
+
+    #[test]
+    fn nothing_remains_where_nothing_fits() {
+        assert_eq!(fitting(staircase(3), |plan| plan.cells() == 0), Plan::Nothing(Gap::LeftOut));
+    }
+}
