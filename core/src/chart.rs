@@ -54,11 +54,13 @@ const ROOT_STEPS: u32 = 8;
 const STRAIN_STEPS: u32 = 4;
 
 /// Points of the curve of an eliminated cable, in a step of [`Start::step`] at most.
-pub const CROSSING_STEPS: u32 = 48;
+pub const CROSSING_STEPS: u32 = 64;
 /// So many of them may come about by Newton's method.
 const NEWTON_STEPS: u32 = 12;
 /// A step along the curve so short, in units of `1 + |p|`, is the last.
 const CROSSED: f64 = 1.0 / (1 << 10) as f64;
+/// And so is a bracket of this width.
+pub const CROSSING_WIDTH: f64 = 1.0 / (1 << 20) as f64;
 
 /// No coordinate leaves this range on the way: tensions of `w d/2` times this, or lengths of `x` times this.
 const FARTHEST: f64 = 1e6;
@@ -389,13 +391,13 @@ impl<T: Real> Line<T> {
             }
             let change = -(excess_n / slope_n);
             let next = chart + change;
-            let closest = T::constant(CROSSED) * (T::one() + chart.abs());
+            let unit = T::one() + chart.abs();
             // False for NaN, all of them.
-            if rises && change.abs() <= closest {
+            if rises && change.abs() <= T::constant(CROSSED) * unit {
                 // What is left is of second order.
                 return Some((next, force_n + point.force_by_chart_n * change));
             }
-            if high - low <= closest {
+            if high - low <= T::constant(CROSSING_WIDTH) * unit {
                 return Some((chart, force_n));
             }
             let shrinks = rises && change.abs() <= half * last_change;

@@ -300,9 +300,9 @@ pub enum Node {
 /// A plane in a box whose coordinates run from 0 to 1 each. What is beyond it has `normal . t > offset/16`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plane {
-    /// Its direction: components up to [`Plane::LARGEST`] in size.
+    /// Its direction: components up to [`Plane::LARGEST`] in size are written.
     pub normal: [i8; COORDINATES],
-    /// See above: up to [`Plane::FARTHEST`] in size.
+    /// See above: up to [`Plane::FARTHEST`] in size is written.
     pub offset: i16,
 }
 

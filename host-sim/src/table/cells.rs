@@ -143,7 +143,12 @@ impl Plan {
             Self::Split { coordinate, halves } => {
                 usize::from(*coordinate) < COORDINATES && halves.iter().all(Self::is_sound)
             }
-            Self::Cell(cell) | Self::Trim { cell, .. } => decoded(cell.seed).is_some(),
+            Self::Cell(cell) => decoded(cell.seed).is_some(),
+            Self::Trim { normal, offset, cell } => {
+                normal.iter().all(|n| n.unsigned_abs() <= Plane::LARGEST.unsigned_abs())
+                    && offset.unsigned_abs() <= Plane::FARTHEST.unsigned_abs()
+                    && decoded(cell.seed).is_some()
+            }
             Self::Nothing(_) => true,
         }
     }

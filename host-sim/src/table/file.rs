@@ -40,7 +40,7 @@ pub(super) fn write(
 ) -> Result<Vec<u8>, WriteFault> {
     let mut body = Body::default();
     let tree = body.tree(plan);
-    for (count, most) in [(body.seeds.len(), MAX_SEEDS), (tree.len(), MAX_WORDS)] {
+    for (count, most) in [(body.seeds.len(), MAX_SEEDS), (tree.len(), MAX_WORDS - 1)] {
         if count > most as usize {
             return Err(WriteFault::TooLarge(count));
         }

@@ -1,9 +1,9 @@
 //! The cells of a region, linked into connected sheets.
 //!
 //! Within a cell the solution is one continuous function of the pose: at every pose it is where Newton's method
-//! leads from the seed. Two cells that share a face have the same solution all over what they share of it when
-//! they have it at one pose. Where they do not, the sheet has come back
-//! to the same poses on another branch: a seam.
+//! leads from the seed. Two cells that share a face have the same solution all over what they share of it, which is
+//! convex, when they have it at one pose. Where they do not, the sheet has come back to the same poses on another
+//! branch: a seam.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ const SAME: f64 = 1e-6;
 /// Poses of a face that are tried.
 const FACE_ATTEMPTS: usize = 64;
 
-/// Where two cells share poses but not the solution.
+/// Where two cells share poses but not the solution. Not looked for where planes leave next to nothing of a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seam {
     /// Such a pose: position (m) and turn vector.
@@ -125,7 +125,7 @@ fn gather(plan: &Plan, region: &PoseBox, cells: &mut Vec<Placed>) {
             }
         }
         Plan::Cell(cell) => cells.push(Placed { part: *region, trim: None, cell: *cell }),
-        Plan::Trim { normal, offset, cell, .. } => {
+        Plan::Trim { normal, offset, cell } => {
             let plane = Plane { normal: *normal, offset: *offset };
             let trim = Some(HalfSpace::of(region, plane));
             cells.push(Placed { part: *region, trim, cell: *cell });

@@ -267,7 +267,7 @@ impl Order {
         Plan::of(longest, halves)
     }
 
-    /// The table of all tiles.
+    /// The table of all tiles. Cells are linked, and seams found, before any is left out for the size.
     ///
     /// # Errors
     /// [`OrderError::StartUncovered`], [`OrderError::Write`].

@@ -84,13 +84,20 @@ impl Patch {
             return Some(whole);
         }
         let range = all.intersection(Interval::new(f64::NEG_INFINITY, half.most))?;
-        // The nearest to the middle of the box.
-        let here: f64 = (0..COORDINATES).map(|k| normal[k] * whole.middle[k]).sum();
-        let factor = (range.middle() - here) / whole.product(|k| normal[k], |k| normal[k]);
-        let middle = std::array::from_fn(|k| {
+        let dot = |at: &Point| (0..COORDINATES).map(|k| normal[k] * at[k]).sum::<f64>();
+        // The nearest to the middle of the box; where that is outside, on the way to the corner that is furthest before
+        // the plane.
+        let wanted = range.middle();
+        let factor = (wanted - dot(&whole.middle)) / whole.product(|k| normal[k], |k| normal[k]);
+        let near: Point = std::array::from_fn(|k| {
             let step = factor * normal[k] * region.extent(k) * region.extent(k);
             (whole.middle[k] + step).clamp(region.low[k], region.high[k])
         });
+        let corner: Point =
+            std::array::from_fn(|k| if normal[k] > 0.0 { region.low[k] } else { region.high[k] });
+        let past = dot(&near) - wanted;
+        let share = if past > 0.0 { (past / (dot(&near) - dot(&corner))).min(1.0) } else { 0.0 };
+        let middle = std::array::from_fn(|k| near[k] + share * (corner[k] - near[k]));
         Some(Self { region, middle, cut: Some(Cut { normal, range }) })
     }
 
@@ -149,7 +156,7 @@ mod tests {
                 }),
                 offset: random.random_range(-700..700),
             };
-            let half = HalfSpace::of(&region, plane).wider(&[1e-9; COORDINATES]);
+            let half = HalfSpace::of(&region, plane).wider(&region.low.map(|_| 1e-7));
             let patch = Patch::within(region, &half);
             let gradient = point(&mut random).map(|g| Interval::around(g, 0.01));
             let all = Patch::whole(region).spread(&gradient);
@@ -157,7 +164,8 @@ mod tests {
             let mut is_empty = true;
             for _ in 0..100 {
                 let place: Point = std::array::from_fn(|_| random.random());
-                if plane.is_beyond(&place) {
+                #[allow(clippy::cast_possible_truncation)] // as a controller has it
+                if plane.is_beyond(&place.map(|t| t as f32)) {
                     continue;
                 }
                 is_empty = false;
@@ -176,6 +184,7 @@ mod tests {
             }
             if let Some(patch) = &patch {
                 assert!(region.contains(&patch.middle), "{seed}");
+                assert!(half.contains(&patch.middle), "{seed}");
             } else {
                 assert!(is_empty, "{seed}");
                 empty += 1;

@@ -209,7 +209,7 @@ impl Likeness {
         }
         let zero = Interval::zero();
         let weight = Vector3i::new(zero, zero, -self.weight_n);
-        let arm = rotation.turned(&self.center_of_mass_m);
+        let arm = rotation.turned(&self.center_of_mass_m).map(|c| c + rounding);
         let moment = (arm.cross(&weight) + self.moment_nm) * per_arm;
         let force = weight + self.force_n;
         let wrench_n = stack(&force, &moment);

@@ -112,7 +112,7 @@ pub(super) struct Prover {
 pub(super) enum Verdict {
     /// The seed leads to the solution in so many steps.
     Proven { steps: u8 },
-    /// At its middle it does not.
+    /// At the middle of the patch it does not.
     Refuted,
     /// Not proven; a smaller box may be. The coordinate in which to halve it.
     Open { split: usize, gap: Gap },
@@ -179,26 +179,21 @@ impl Prover {
         None
     }
 
-    /// Where a seed leads in so many steps, and the step from there, if the solution is as close as a table asks for.
+    /// Where a seed leads in so many steps, and the step from there, if that is as short as a table asks for.
     fn reached(
         &self,
         balance: &Balance<f64>,
         seed: &Start<f64>,
         steps: u8,
-    ) -> Option<ChartStep<f64>> {
+    ) -> Option<([f64; CABLES], ChartStep<f64>)> {
         let mut reached = *seed;
         for _ in 0..steps {
             reached = reached.step(&self.robot, balance).ok()?;
         }
         let step = self.step(balance, &reached.charts)?;
-        let (mut off_n, mut forces_n) = (0.0_f64, 0.0);
-        for (i, point) in step.points.iter().enumerate() {
-            let change = (step.charts[i] - reached.charts[i]).abs();
-            off_n = off_n.max(point.force_by_chart_n.lp_norm(1) * change);
-            forces_n += point.state.force_n.lp_norm(1);
-        }
         let is_of_sheet = step.elimination().is_positive() == seed.is_positive;
-        (is_of_sheet && off_n <= TOLERANCE * forces_n).then_some(step)
+        let is_near = is_near(&step, &reached.charts, &step.charts);
+        (is_of_sheet && is_near).then_some((reached.charts, step))
     }
 
     /// Whether a seed seems to lead to a solution in so many steps at a pose.
@@ -214,9 +209,10 @@ impl Prover {
         seed: &Start<f64>,
         steps: u8,
     ) -> Option<([f64; CABLES], ChartStep<f64>)> {
-        let near = self.reached(balance, seed, steps)?.charts;
-        let (center, step) = self.settle(balance, &near, SETTLING_STEPS)?;
-        (step.elimination().is_positive() == seed.is_positive).then_some((center, step))
+        let (reached, near) = self.reached(balance, seed, steps)?;
+        let (center, step) = self.settle(balance, &near.charts, SETTLING_STEPS)?;
+        let is_of_sheet = step.elimination().is_positive() == seed.is_positive;
+        (is_of_sheet && is_near(&step, &reached, &center)).then_some((center, step))
     }
 
     /// The direction of the tangent of a cable.
@@ -252,6 +248,16 @@ impl Prover {
             Err(gap) => Verdict::Open { split: frame.widest(), gap },
         }
     }
+}
+
+/// Whether the forces at two sets of coordinates are as close as a table asks for, by the slopes of a step.
+fn is_near(step: &ChartStep<f64>, a: &[f64; CABLES], b: &[f64; CABLES]) -> bool {
+    let (mut off_n, mut forces_n) = (0.0_f64, 0.0);
+    for (i, point) in step.points.iter().enumerate() {
+        off_n = off_n.max(point.force_by_chart_n.lp_norm(1) * (a[i] - b[i]).abs());
+        forces_n += point.state.force_n.lp_norm(1);
+    }
+    off_n <= TOLERANCE * forces_n // false for NaN
 }
 
 /// A patch, seen from the solution at its middle.
@@ -374,28 +380,33 @@ impl<'a> Frame<'a> {
         Some(self.inverse.times(&left_n))
     }
 
-    /// What arithmetic in f32 may add in a step from there with these errors.
+    /// What the wrench of a cable is off by in f32, in units of its force: its curve, and its plane.
+    fn roundings(&self, cable: usize) -> f64 {
+        let View { prover, sights, .. } = self.view;
+        let x_m = sights[cable].x_m;
+        F32_ROUNDINGS + F32_PLANE * (prover.size_m + x_m.high()) * 2.0 / x_m.low()
+    }
+
+    /// What arithmetic in f32 may add in a step from there with these errors, and the end of the search.
     fn rounding(
         &self,
         from: &[Option<Reach>],
-        eliminated_n: f64,
+        eliminated: &[Piece],
         errors: &[Interval; CABLES],
     ) -> Vector6<f64> {
-        let View { prover, sights, .. } = self.view;
-        let mut wrench_n = 0.0;
+        let most = |size: fn(&Piece) -> f64| eliminated.iter().map(size).fold(0.0, f64::max);
+        let mut wrench_n = most(|piece| piece.left_n) / F32;
         for i in 0..CABLES {
-            let (force_n, step_n) = match &from[i] {
+            let force_n = match &from[i] {
                 // The step is about as long as the error, and its matrix is rounded, too.
-                Some(at) => (
-                    size(&at.force_n).high(),
-                    size(&at.by_chart_n).high() * errors[i].magnitude() * 4.0,
-                ),
+                Some(at) => {
+                    let step_n = size(&at.by_chart_n).high() * errors[i].magnitude() * 4.0;
+                    size(&at.force_n).high() + step_n
+                }
                 // What its last step along the curve leaves out is of the size of a rounding.
-                None => (2.0 * eliminated_n, 0.0),
+                None => 2.0 * most(|piece| piece.force_n),
             };
-            let plane_m = F32_PLANE * (prover.size_m + sights[i].x_m.high());
-            let swing_n_m = force_n / sights[i].x_m.low() * 2.0;
-            wrench_n += F32_ROUNDINGS * (force_n + step_n) + plane_m * swing_n_m;
+            wrench_n += self.roundings(i) * force_n;
         }
         self.inverse.per_newton * (F32 * wrench_n)
     }
@@ -429,7 +440,7 @@ impl<'a> Frame<'a> {
         let center = self.center.map(Interval::point);
         let errors = std::array::from_fn(|i| at[i] - center[i]);
         let missed = self.missed(&reach, at, &center, &errors)?;
-        let rounding = self.rounding(&reach, self.pieces[self.middle].force_n, &errors);
+        let rounding = self.rounding(&reach, &self.pieces[self.middle..=self.middle], &errors);
         let apart = missed.map(Interval::magnitude) + rounding;
 
         // Of each piece |y| is bounded if `q` is on it.
@@ -440,7 +451,13 @@ impl<'a> Frame<'a> {
             fed.fill_row(cable, 0.0);
             fed
         };
-        let unit = self.inverse.per_newton[cable] * F32 * F32_ROUNDINGS;
+        let per_newton = self.inverse.per_newton[cable];
+        let unit = per_newton * F32 * self.roundings(cable);
+        // What is rounded in the tangents of the others.
+        let matrix_unit = Vector6::from_fn(|i, _| {
+            let slope_n = reach[i].as_ref().map_or(0.0, |at| size(&at.by_chart_n).high());
+            per_newton * F32 * self.roundings(i) * slope_n
+        });
         let others =
             |v: &dyn Fn(usize) -> f64| Vector6::from_fn(|i, _| if i == cable { 0.0 } else { v(i) });
         let bound = |piece: &Piece| {
@@ -455,12 +472,14 @@ impl<'a> Frame<'a> {
             let rooms = [fed_back(&plain, &right), bound(piece)];
             let room =
                 rooms.into_iter().flatten().map(|y| row.dot(&y)).fold(f64::INFINITY, f64::min);
-            let room = room + apart[cable] + 2.0 * unit * piece.force_n;
+            let own = 2.0 * unit * piece.force_n + per_newton * piece.left_n;
+            let room = room + apart[cable] + own;
             piece.sum[cable] + Interval::symmetric(room * UPWARDS)
         };
         let slope = |piece: &Piece| {
             let right = others(&|i| piece.swept_slope[i]);
-            let room = fed_back(&fed(piece), &right).map_or(f64::INFINITY, |y| row.dot(&y));
+            let room = fed_back(&fed(piece), &right)
+                .map_or(f64::INFINITY, |y| row.dot(&y) + matrix_unit.dot(&y));
             let room = room + unit * piece.slope_n;
             piece.slope[cable] + Interval::symmetric(room * UPWARDS)
         };
@@ -638,8 +657,7 @@ impl<'a> Frame<'a> {
                 .missed(&stage.reach, &iterate, &solutions, &errors)
                 .ok_or(Gap::TooManySteps)?;
             let pieces = &self.pieces[stage.first.min(there.first)..=stage.last.max(there.last)];
-            let eliminated_n = pieces.iter().map(|p| p.force_n).fold(0.0, f64::max);
-            let rounding = self.rounding(&stage.reach, eliminated_n, &errors);
+            let rounding = self.rounding(&stage.reach, pieces, &errors);
             let after = self.errors(&stage.columns, pieces, &missed, &rounding);
             let (after, eliminated_n) = after.ok_or(Gap::TooManySteps)?;
             let off_n = self.others().map(|i| slopes_n[i] * after[i]).fold(eliminated_n, f64::max);

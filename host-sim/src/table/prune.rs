@@ -1,19 +1,18 @@
 //! The best table of so many bytes: cells that cover little for what they take are left out.
 
-use cdpr_core::table::Gap;
+use cdpr_core::table::{Gap, Node, Plane};
 
 use super::cells::Plan;
 
 /// Halvings of the price.
 const SEARCH: usize = 40;
-/// Words of a trim, and what of its box is taken to be before the plane.
-const TRIM_WORDS: f64 = 2.0;
+/// What of the box of a trim is taken to be before its plane.
 const BEFORE: f64 = 0.5;
 
 /// The plan, or what remains of it when `fits` at last.
 ///
-/// Each part of it is kept when the share of the region that it covers is worth its words, at one price for a word: no
-/// other choice covers more with as many words. The price is the lowest at which the table fits.
+/// Each part of it is kept when the share of the region that it covers is worth its words, at one price for a word, which
+/// is the lowest at which the table fits: so nearly the most is covered. What seeds take is not shared out.
 pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
     if fits(&plan) {
         return plan;
@@ -43,7 +42,11 @@ fn at_price(plan: &Plan, price: f64, share: f64) -> (Plan, f64) {
             (Plan::of(usize::from(*coordinate), [lower, upper]), a + b - price)
         }
         Plan::Cell(_) => (plan.clone(), share - price),
-        Plan::Trim { .. } => (plan.clone(), BEFORE * share - (TRIM_WORDS + 1.0) * price),
+        Plan::Trim { normal, offset, .. } => {
+            let plane = Plane { normal: *normal, offset: *offset };
+            let (_, words) = Node::Trim { plane, inside: 0 }.encode();
+            (plan.clone(), BEFORE * share - (words as f64 + 1.0) * price)
+        }
         Plan::Nothing(_) => (plan.clone(), -price),
     };
     if worth < -price { (Plan::Nothing(Gap::LeftOut), -price) } else { (kept, worth) }

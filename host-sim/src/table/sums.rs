@@ -2,7 +2,7 @@
 //! [`proof`](super::proof) for what is made of it.
 
 use cdpr_core::CABLES;
-use cdpr_core::chart::{ChartStep, Start, root};
+use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Start, root};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
@@ -92,6 +92,8 @@ pub(super) struct Piece {
     /// `|F|` and `|F'|` at most, N.
     pub(super) force_n: f64,
     pub(super) slope_n: f64,
+    /// What the search for a crossing may leave out at its end, N.
+    pub(super) left_n: f64,
     /// Row `e` times these factors is taken from each other row, so that the slope is about zero there.
     pub(super) ratio: Vector6<f64>,
     /// The sum after that.
@@ -171,6 +173,9 @@ impl<'a> Sums<'a> {
             sum: self.all_others + along,
             force_n: size(&piece.force_n).high(),
             slope_n: size(&piece.by_chart_n).high(),
+            left_n: size(&piece.by_chart_n).high()
+                * (1.0 + piece.chart.magnitude())
+                * (CROSSING_WIDTH * UPWARDS),
             swept: self.swept(&(self.others + along), &ratio) + self.spread(&self.rows, &ratio),
             swept_slope: self.swept(&slope, &ratio).map(Interval::magnitude),
             slope,
@@ -207,7 +212,8 @@ impl<'a> Sums<'a> {
         let slope_n = here.wrench_n(&curves.slope(cable, here, chart, &reach.bend_n)?);
         let slope = self.inverse.times(&slope_n);
         let near = slope + self.spread(&turning, &none);
-        let swept = self.swept(&slope, &piece.ratio) + self.spread(&turning, &piece.ratio);
+        let slope_swept = self.swept(&slope, &piece.ratio);
+        let swept = slope_swept + self.spread(&turning, &piece.ratio);
         for i in 0..CABLES {
             piece.slope[i] = piece.slope[i].intersection(near[i])?;
             piece.swept_slope[i] = piece.swept_slope[i].min(swept[i].magnitude());
@@ -217,8 +223,8 @@ impl<'a> Sums<'a> {
         sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, self.view.along);
         let rows = self.inverse.rows(&moving_n, self.view.along);
         let along = chart - Interval::point(from);
-        let sum = exact + piece.slope.map(|c| c * along) + self.spread(&rows, &none);
-        let turned = piece.swept_slope.map(|c| Interval::symmetric(c) * along);
+        let sum = exact + slope.map(|c| c * along) + self.spread(&rows, &none);
+        let turned = slope_swept.map(|c| c * along);
         let swept = self.swept(exact, &piece.ratio) + turned + self.spread(&rows, &piece.ratio);
         for i in 0..CABLES {
             piece.sum[i] = piece.sum[i].intersection(sum[i])?;
