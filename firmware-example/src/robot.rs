@@ -82,7 +82,7 @@ pub const EMPTY: Payload = Payload {
     ],
 };
 
-/// The warm-start table of the crane with the payload [`LOADED`], of one cell. It covers what start and
+/// The warm-start table of the crane with the payload [`LOADED`], of a few cells. It covers what start and
 /// recovery need, [`TAUT`](crate::path::TAUT) where it is level within a degree.
 ///
 /// ```text
