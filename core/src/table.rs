@@ -2,9 +2,10 @@
 //!
 //! After power-up, an emergency stop or a jump of the set-point the controller needs a start on the **right**
 //! branch. A table divides a region of poses into cells; each cell has a seed, coordinates of force curves
-//! (see [`chart`], [`Start`]), from which Newton's method with one cable eliminated is proven to reach the solution of one
-//! connected sheet, within so many steps, at every pose of the cell. The host's `cdpr table build` makes and
-//! proves it; [`Table`] reads it where it lies, without a copy, at any alignment.
+//! (see [`chart`], [`Start`]), from which Newton's method with one cable eliminated is proven to reach the solution of
+//! one connected sheet, within so many steps, at every pose of the cell. A cell at a fold ends at a plane before it.
+//! The host's `cdpr table build` makes and proves all this; [`Table`] reads it where it lies, without a copy, at any
+//! alignment.
 //!
 //! # Format, version 4
 //!
@@ -37,8 +38,8 @@
 //!
 //! - 0, a split: bits 12 to 14 are the coordinate (0 to 5) in which the box is halved. The node of the lower half
 //!   follows; bits 0 to 11 are the number of words from this node to that of the upper half.
-//! - 0 with 6 or 7 in bits 12 to 14, a trim: what of the box is beyond a [`Plane`] is not covered, as the sheet ends at a
-//!   fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement. In the
+//! - 0 with 6 or 7 in bits 12 to 14, a trim: what of the box is beyond a [`Plane`] is not covered, as the sheet ends
+//!   at a fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement. In the
 //!   next word are the components of its normal in the position, of five bits each in two's complement, the first in
 //!   the lowest; after a 7 those in the turn vector are in the word behind it, else they are zero.
 //! - 10, a cell: bits 0 to 13 are the index of its seed, which other cells may have as well.

@@ -27,8 +27,10 @@ import argparse
 import contextlib
 import os
 import shlex
+import signal
 import subprocess
 import sys
+import threading
 import time
 import uuid
 from dataclasses import dataclass
@@ -41,6 +43,20 @@ TOPIC = "cdpr-parts"
 BUSY = 75  # what cdpr says when another process is making the part
 STOPPED = -15  # as if terminated
 STOP_TIMEOUT_S = 30  # cdpr ends at once; a worker asks every second whether it should
+
+INTERRUPTED = threading.Event()
+
+
+def interrupt(_number: int, _frame: Any) -> None:
+    """What Ctrl-C does: what it raises may be lost where Python ignores exceptions, in a finalizer, say."""
+    INTERRUPTED.set()
+    raise KeyboardInterrupt
+
+
+def heed_interrupt() -> None:
+    """Raises what was lost."""
+    if INTERRUPTED.is_set():
+        raise KeyboardInterrupt
 
 
 @dataclass(frozen=True)
@@ -165,6 +181,7 @@ def make_all(client: Client, job: Job, retries: int) -> bool:
         running = as_completed([submit(index) for index in range(len(job.commands))])
         done = 0
         for future in running:
+            heed_interrupt()
             index = indices.pop(future)
             command = shlex.join(job.commands[index])
             if future.status == "finished":
@@ -270,6 +287,7 @@ def run(options: argparse.Namespace, command: list[str]) -> int:
         client.close()
         if cluster:
             cluster.close()
+    heed_interrupt()
     merged = subprocess.run(job.merge, check=False)
     if merged.returncode != 0:
         say(f"merging failed, exit code {merged.returncode}: {shlex.join(job.merge)}")
@@ -285,6 +303,7 @@ def run(options: argparse.Namespace, command: list[str]) -> int:
 def main() -> int:
     """The command line."""
     options, command = parse(sys.argv[1:])
+    signal.signal(signal.SIGINT, interrupt)
     try:
         return run(options, command)
     except UsageError as error:

@@ -2,9 +2,9 @@
 //!
 //! A box of poses is tried with the seeds of the larger boxes that it is a part of; if the proof does not hold for all
 //! of it, with seeds of its own, the solution at its middle with one of the two cables eliminated that bend most over
-//! the box; if there is a fold in it, so with what is before a plane close to that; else it is halved, in the coordinate
-//! that moves the forces most, and each half is tried in the same way. Halves that are covered from the same seed are
-//! one cell again: at every pose of the face between them the seed leads to one solution, so that the solution is
+//! the box; if there is a fold in it, so with what is before a plane close to that; else it is halved, in the
+//! coordinate that moves the forces most, and each half is tried in the same way. Halves that are covered from the
+//! same seed are one cell again: at every pose of the face between them the seed leads to one solution, so that the solution is
 //! continuous over both. So it is, too, in a trimmed cell, that is proven part by part.
 
 use cdpr_core::chart::Start;

@@ -5,9 +5,10 @@
 //! killed ([`Journal`](crate::journal::Journal)). When all tiles are there, the cells are linked into the sheet
 //! and the table is written: the same bytes however it came about.
 //!
-//! `survey` (where the sheet is, roughly), `outlook` (what is worth a proof) and `proof` (of a box of poses, in
-//! intervals: `place`, its parts `patch`, force curves over it `curve`, what they sum to `sums`) → `cells` (of one tile) →
-//! `journal` → `links` (of all cells) → `prune` (to so many bytes) → `file` (the bytes) → `verify` (against the complete search).
+//! `survey` (where the sheet is, roughly), `outlook` (what is worth a proof), `border` (where folds are) and `proof` (of a
+//! box of poses, in intervals: `place`, what is before a plane `patch`, force curves `curve`, what they sum to `sums`) →
+//! `cells` (of one tile) → `journal` → `links` (of all cells) → `prune` (to so many bytes) → `file` (the bytes) →
+//! `verify` (against the complete search).
 
 mod border;
 mod cells;

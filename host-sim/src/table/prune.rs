@@ -11,8 +11,8 @@ const BEFORE: f64 = 0.5;
 
 /// The plan, or what remains of it when `fits` at last.
 ///
-/// Each part of it is kept when the share of the region that it covers is worth its words, at one price for a word, which
-/// is the lowest at which the table fits: so nearly the most is covered. What seeds take is not shared out.
+/// Each part of it is kept when the share of the region that it covers is worth its words, at one price for a word,
+/// which is the lowest at which the table fits: so nearly the most is covered. What seeds take is not shared out.
 pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
     if fits(&plan) {
         return plan;

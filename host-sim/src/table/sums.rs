@@ -191,8 +191,10 @@ impl<'a> Sums<'a> {
         Some(self.inverse.times(&(self.others_n + sight.wrench_n(&here.force_n))))
     }
 
-    /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle; and how
-    /// the sum changes with the pose there.
+    /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle; and
+    /// how the sum changes with the pose there.
+    ///
+    /// Along the curve it goes on from the middle, so with the slope there, not with that before a plane.
     pub(super) fn fine(
         &self,
         exact: &Vector6<Interval>,
@@ -233,8 +235,8 @@ impl<'a> Sums<'a> {
         Some((piece, rows))
     }
 
-    /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is: towards
-    /// `end`, beginning with about the distance `known`, which has the sign of the way.
+    /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
+    /// towards `end`, beginning with about the distance `known`, which has the sign of the way.
     pub(super) fn march(
         &self,
         at: f64,
