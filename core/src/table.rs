@@ -39,9 +39,9 @@
 //! - 0, a split: bits 12 to 14 are the coordinate (0 to 5) in which the box is halved. The node of the lower half
 //!   follows; bits 0 to 11 are the number of words from this node to that of the upper half.
 //! - 0 with 6 or 7 in bits 12 to 14, a trim: what of the box is beyond a [`Plane`] is not covered, as the sheet ends
-//!   at a fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement. In the
-//!   next word are the components of its normal in the position, of five bits each in two's complement, the first in
-//!   the lowest; after a 7 those in the turn vector are in the word behind it, else they are zero.
+//!   at a fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement.
+//!   In the next word are the components of its normal in the position, of five bits each in two's complement, the
+//!   first in the lowest; after a 7 those in the turn vector are in the word behind it, else they are zero.
 //! - 10, a cell: bits 0 to 13 are the index of its seed, which other cells may have as well.
 //! - 11, nothing: bits 0 to 7 tell why ([`Gap`]).
 //!

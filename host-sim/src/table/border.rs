@@ -1,10 +1,10 @@
 //! Where the sheet ends at a fold within a box of poses: in floats, without proof.
 
 use cdpr_core::CABLES;
-use cdpr_core::table::{COORDINATES, Plane};
+use cdpr_core::table::Plane;
 
 use super::outlook::by_pose;
-use super::place::{Point, PoseBox};
+use super::place::{Point, PoseBox, dot};
 use super::proof::Prover;
 
 /// How far a fold is looked for from a pose, in sides of the box.
@@ -24,10 +24,6 @@ pub(super) struct Edge {
     normal: Point,
 }
 
-fn dot(a: &Point, b: &Point) -> f64 {
-    (0..COORDINATES).map(|k| a[k] * b[k]).sum()
-}
-
 fn along(from: &Point, way: &Point, far: f64) -> Point {
     std::array::from_fn(|k| from[k] + way[k] * far)
 }
@@ -40,8 +36,8 @@ impl Edge {
         at: &Point,
         charts: &[f64; CABLES],
     ) -> Option<Self> {
-        let search = Search { prover, part, at, charts };
-        let normal = search.normal(at, charts)?;
+        let (normal, is_positive) = across(prover, part, at, charts)?;
+        let search = Search { prover, part, at, charts, is_positive };
         let both = [normal, normal.map(|n| -n)].map(|way| search.towards(&way));
         let (first, _) = both.into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1))?;
         // Once more, straight to it.
@@ -69,16 +65,15 @@ struct Search<'a> {
     part: &'a PoseBox,
     at: &'a Point,
     charts: &'a [f64; CABLES],
+    is_positive: bool,
 }
 
 impl Search<'_> {
     /// Where the sheet ends this way, and how far that is in sides of the box.
     fn towards(&self, way: &Point) -> Option<(Edge, f64)> {
-        let Self { prover, part, .. } = self;
-        let balance = prover.balance(self.at)?;
-        let is_positive = prover.step(&balance, self.charts)?.elimination().is_positive();
-        let from = part.local(self.at);
-        let (mut known, mut far, mut step) = (*self.charts, 0.0, FIRST);
+        let Self { prover, part, at, charts, is_positive } = *self;
+        let from = part.local(at);
+        let (mut known, mut far, mut step) = (*charts, 0.0, FIRST);
         while step > LAST {
             let next = far + step;
             if next > FAR {
@@ -91,20 +86,25 @@ impl Search<'_> {
             }
         }
         let at = along(&from, way, far);
-        let normal = self.normal(&part.at(&at), &known)?;
+        let (normal, _) = across(prover, part, &part.at(&at), &known)?;
         let sign = dot(&normal, way).signum();
         Some((Edge { at, normal: normal.map(|n| n * sign) }, far))
     }
+}
 
-    /// The direction in which the solution at a pose changes most, in sides of the box: close to a fold it is across
-    /// the fold, as what the cables cannot balance there is one wrench.
-    fn normal(&self, at: &Point, charts: &[f64; CABLES]) -> Option<Point> {
-        let balance = self.prover.balance(at)?;
-        // All rows are close to parallel.
-        let across = self.prover.step(&balance, charts)?.elimination().inverse().row(0).transpose();
-        let by_pose = by_pose(self.prover, at, charts)?;
-        let normal: Point = std::array::from_fn(|k| across.dot(&by_pose[k]) * self.part.extent(k));
-        let size = dot(&normal, &normal).sqrt();
-        (size > 0.0).then(|| normal.map(|n| n / size))
-    }
+/// The direction in which the solution at a pose changes most, in sides of the box, and the sign of its determinant.
+/// Close to a fold the direction is across the fold, as what the cables cannot balance there is one wrench.
+fn across(
+    prover: &Prover,
+    part: &PoseBox,
+    at: &Point,
+    charts: &[f64; CABLES],
+) -> Option<(Point, bool)> {
+    let step = prover.step(&prover.balance(at)?, charts)?;
+    // All rows are close to parallel.
+    let row = step.elimination().inverse().row(0).transpose();
+    let by_pose = by_pose(prover, at, charts)?;
+    let normal: Point = std::array::from_fn(|k| row.dot(&by_pose[k]) * part.extent(k));
+    let size = dot(&normal, &normal).sqrt();
+    (size > 0.0).then(|| (normal.map(|n| n / size), step.elimination().is_positive()))
 }

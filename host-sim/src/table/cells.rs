@@ -4,8 +4,8 @@
 //! of it, with seeds of its own, the solution at its middle with one of the two cables eliminated that bend most over
 //! the box; if there is a fold in it, so with what is before a plane close to that; else it is halved, in the
 //! coordinate that moves the forces most, and each half is tried in the same way. Halves that are covered from the
-//! same seed are one cell again: at every pose of the face between them the seed leads to one solution, so that the solution is
-//! continuous over both. So it is, too, in a trimmed cell, that is proven part by part.
+//! same seed are one cell again: at every pose of the face between them the seed leads to one solution, so that the
+//! solution is continuous over both. So it is, too, in a trimmed cell, that is proven part by part.
 
 use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_WORDS, decoded, encoded, shortened};
@@ -24,8 +24,6 @@ const SEED_ATTEMPTS: usize = 12;
 const KNOWN_SEEDS: usize = 6;
 /// Seeds of larger boxes that are tried.
 const SEEDS_GIVEN: usize = 6;
-/// Cables that are tried as the eliminated one.
-const CABLES_TRIED: usize = 2;
 /// A proof is tried for a box over which the tangents of no more cables than this turn by an angle with this sine: the
 /// eliminated one, and one for whose bend the box may still be small enough.
 const BENDING: usize = 2;
@@ -58,10 +56,9 @@ pub enum Plan {
     Cell(Cell),
     /// Covered up to a plane.
     Trim {
-        /// See [`Plane`].
-        normal: [i8; COORDINATES],
-        /// See [`Plane`].
-        offset: i16,
+        /// The plane.
+        #[serde(flatten, with = "PlaneParts")]
+        plane: Plane,
         /// What is before it.
         cell: Cell,
     },
@@ -101,6 +98,14 @@ pub struct Effort {
     pub depth: u8,
     /// Bytes of the table at most.
     pub max_bytes: Option<u32>,
+}
+
+/// A plane by its parts.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Plane")]
+struct PlaneParts {
+    normal: [i8; COORDINATES],
+    offset: i16,
 }
 
 /// A gap by its code.
@@ -144,7 +149,7 @@ impl Plan {
                 usize::from(*coordinate) < COORDINATES && halves.iter().all(Self::is_sound)
             }
             Self::Cell(cell) => decoded(cell.seed).is_some(),
-            Self::Trim { normal, offset, cell } => {
+            Self::Trim { plane: Plane { normal, offset }, cell } => {
                 normal.iter().all(|n| n.unsigned_abs() <= Plane::LARGEST.unsigned_abs())
                     && offset.unsigned_abs() <= Plane::FARTHEST.unsigned_abs()
                     && decoded(cell.seed).is_some()
@@ -191,7 +196,7 @@ impl Tiler<'_> {
             return self.halved(part, depth, given, None, Gap::SingularCable, known);
         };
         let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(s, &at)).collect();
-        let own: Vec<Seed> = outlook.starts.iter().take(CABLES_TRIED).map(written).collect();
+        let own: Vec<Seed> = outlook.starts.iter().map(written).collect();
         let bends = outlook.turns.iter().skip(BENDING).any(|turn| *turn > MOST_TURN);
         let (split, gap) = if bends || outlook.defect > MOST_DEFECT {
             (Some(outlook.widest), Gap::Unproven)
@@ -223,25 +228,31 @@ impl Tiler<'_> {
         own: &[Seed],
         known: &mut Vec<Seed>,
     ) -> Result<Cell, (Option<usize>, Gap)> {
+        let leading = given.iter().filter(|seed| self.leads_at_corners(seed, part, None));
+        let why = match self.first(part, leading) {
+            Ok(cell) => return Ok(cell),
+            Err(why) => why,
+        };
+        let cell = self.first(part, own).map_err(|next| (next.0.or(why.0), next.1))?;
+        // A seed that others have already makes a smaller table.
+        let is_like = |other: &&Seed| other[0] == cell.seed[0] && self.leads(other, at);
+        let others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
+        Ok(self.first(part, others).unwrap_or_else(|_| {
+            known.push(cell.seed);
+            cell
+        }))
+    }
+
+    /// The cell of the first seed with which it is proven.
+    fn first<'s>(
+        &self,
+        part: &PoseBox,
+        seeds: impl IntoIterator<Item = &'s Seed>,
+    ) -> Result<Cell, (Option<usize>, Gap)> {
         let mut why = (None, Gap::TooManySteps);
-        for seed in given.iter().filter(|seed| self.leads_at_corners(seed, part, None)) {
+        for seed in seeds {
             match self.examine(part, seed) {
                 Ok(cell) => return Ok(cell),
-                Err(next) => why = (next.0.or(why.0), next.1),
-            }
-        }
-        for seed in own {
-            match self.examine(part, seed) {
-                Ok(cell) => {
-                    // A seed that others have already makes a smaller table.
-                    let is_like = |other: &&Seed| other[0] == seed[0] && self.leads(other, at);
-                    let mut others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
-                    if let Some(cell) = others.find_map(|seed| self.examine(part, seed).ok()) {
-                        return Ok(cell);
-                    }
-                    known.push(*seed);
-                    return Ok(cell);
-                }
                 Err(next) => why = (next.0.or(why.0), next.1),
             }
         }
@@ -273,8 +284,7 @@ impl Tiler<'_> {
             };
             let prove = |seed: Seed| {
                 let steps = self.prove_trimmed(part, &half, &seed, TRIM_HALVINGS)?;
-                let Plane { normal, offset } = plane;
-                Some(Plan::Trim { normal, offset, cell: Cell { seed, steps } })
+                Some(Plan::Trim { plane, cell: Cell { seed, steps } })
             };
             let mut given = given.iter().copied().filter(leads);
             given.find_map(prove).or_else(|| prove(own()?))

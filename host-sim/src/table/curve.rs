@@ -17,7 +17,6 @@ const STRAIN_STEPS: usize = 1;
 const WIDE: f64 = 0.03;
 const PART: f64 = 0.08;
 const MOST_PARTS: f64 = 16.0;
-
 /// Narrower ranges are as good as points.
 const LEAST_RADIUS: f64 = 1e-9;
 
@@ -117,11 +116,16 @@ impl Curves {
         let by_chart_n = both(&hung.force_by_chart_n, &near)?;
         let near = middle.force_n + by_chart_n * half;
         let force_n = both(&hung.force_n, &near)?;
-        let turns = size(&turn_n[0]) + size(&turn_n[1]);
-        let known = size(&hung.force_n) + size(&hung.force_by_chart_n) + size(&bend_n) + turns;
         let by_end_n = [hung.force_by_x_n_m, hung.force_by_z_n_m];
-        let known = known + size(&by_end_n[0]) + size(&by_end_n[1]);
-        known.is_bounded().then_some(Reach { force_n, by_chart_n, bend_n, by_end_n, turn_n })
+        let known = [hung.force_n, hung.force_by_chart_n, bend_n];
+        let mut known = known.iter().chain(&by_end_n).chain(&turn_n);
+        known.all(|v| size(v).is_bounded()).then_some(Reach {
+            force_n,
+            by_chart_n,
+            bend_n,
+            by_end_n,
+            turn_n,
+        })
     }
 
     /// Only the first derivative, of which the second is known already.

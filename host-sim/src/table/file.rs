@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use cdpr_core::table::{
-    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, MAX_SEEDS, MAX_WORDS, Node, Plane, SEED_BYTES,
+    COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, MAX_SEEDS, MAX_WORDS, Node, SEED_BYTES,
     VERSION, WORD_BYTES, checksum, offset,
 };
 use cdpr_core::{CABLES, Load, Robot};
@@ -94,9 +94,8 @@ impl Body {
                 [words(node), lower, upper].concat()
             }
             Plan::Cell(cell) => words(self.cell(cell)),
-            Plan::Trim { normal, offset, cell } => {
-                let plane = Plane { normal: *normal, offset: *offset };
-                let trim = Node::Trim { plane, inside: 0 };
+            Plan::Trim { plane, cell } => {
+                let trim = Node::Trim { plane: *plane, inside: 0 };
                 [words(trim), words(self.cell(cell))].concat()
             }
             Plan::Nothing(gap) => words(Node::Nothing(*gap)),

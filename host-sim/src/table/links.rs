@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use cdpr_core::CABLES;
-use cdpr_core::table::{COORDINATES, Gap, Plane};
+use cdpr_core::table::{COORDINATES, Gap};
 
 use super::cells::{Cell, Plan, spread, started};
 use super::patch::HalfSpace;
@@ -125,9 +125,8 @@ fn gather(plan: &Plan, region: &PoseBox, cells: &mut Vec<Placed>) {
             }
         }
         Plan::Cell(cell) => cells.push(Placed { part: *region, trim: None, cell: *cell }),
-        Plan::Trim { normal, offset, cell } => {
-            let plane = Plane { normal: *normal, offset: *offset };
-            let trim = Some(HalfSpace::of(region, plane));
+        Plan::Trim { plane, cell } => {
+            let trim = Some(HalfSpace::of(region, *plane));
             cells.push(Placed { part: *region, trim, cell: *cell });
         }
         Plan::Nothing(_) => {}

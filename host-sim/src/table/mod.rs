@@ -290,13 +290,16 @@ impl Order {
             limits_m: self.max_lengths_m,
         };
         let write = |plan: &Plan| file::write(prover.robot(), prover.load(), &header, plan);
-        let most = self.effort.max_bytes.map_or(usize::MAX, |most| most as usize);
-        let fits = |plan: &Plan| write(plan).is_ok_and(|bytes| bytes.len() <= most);
-        let plan = prune::fitting(plan, fits);
+        let is_short =
+            |bytes: &[u8]| self.effort.max_bytes.is_none_or(|most| bytes.len() <= most as usize);
+        let plan = match self.effort.max_bytes {
+            Some(_) => prune::fitting(plan, |plan| write(plan).is_ok_and(|bytes| is_short(&bytes))),
+            None => plan,
+        };
         let bytes = write(&plan)?;
         let table = Table::open(&bytes).expect("what was just written");
         let at_start = place::pose(&start).map_err(OrderError::Pose)?;
-        if bytes.len() > most || table.start_at(&at_start).is_err() {
+        if !is_short(&bytes) || table.start_at(&at_start).is_err() {
             return Err(OrderError::StartLeftOut);
         }
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;

@@ -1,14 +1,17 @@
 //! What a box of poses looks like before any proof, in floats: with which starts one is worth trying, and whether.
 
 use cdpr_core::CABLES;
-use cdpr_core::chart::{ChartStep, Charted as _, Start};
+use cdpr_core::chart::{Charted as _, Start};
+use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Vector2, Vector6};
 
 use super::place::{Point, PoseBox, largest};
 use super::proof::Prover;
 use crate::interval::Interval;
 
+/// Cables that are tried as the eliminated one.
+const CABLES_TRIED: usize = 2;
 /// Bracket of an eliminated cable: what it moves over a box, times one of these and a little more; the largest at
 /// which the tangent is this steep, in units of the solution.
 const BRACKETS: [f64; 7] = [1.0, 1.3, 1.6, 2.0, 2.5, 3.2, 4.0];
@@ -17,9 +20,9 @@ const STEEP: f64 = 0.3;
 
 /// A box, seen from the solution at a pose of it.
 pub(super) struct Outlook {
-    /// With the cable eliminated whose tangent turns most over the box, and with those that follow.
+    /// With the cable eliminated whose tangent turns most over the box, and with the one that follows.
     pub(super) starts: Vec<Start<f64>>,
-    /// Sines of the angles by which the tangents turn, about, in that order.
+    /// Sines of the angles by which the tangents of all cables turn, about, in that order.
     pub(super) turns: Vec<f64>,
     /// The coordinate that moves the forces most.
     pub(super) widest: usize,
@@ -36,7 +39,7 @@ impl Outlook {
         charts: &[f64; CABLES],
     ) -> Option<Self> {
         let balance = prover.balance(at)?;
-        let step = ChartStep::new(prover.robot(), &balance, charts).ok()?;
+        let step = prover.step(&balance, charts)?;
         let inverse = step.elimination().inverse();
         let by_pose_n = by_pose(prover, at, charts)?;
         let mut reach = Vector6::zeros();
@@ -49,37 +52,37 @@ impl Outlook {
             moved_n[k] = moved.dot(&slopes_n);
         }
         let turns: [f64; CABLES] =
-            std::array::from_fn(|i| prover.turn(&balance, i, charts[i], reach[i]));
+            std::array::from_fn(|i| turn(prover, &balance, i, charts[i], reach[i]));
         let mut order: Vec<usize> = (0..CABLES).collect();
         order.sort_by(|a, b| turns[*b].total_cmp(&turns[*a]));
         let start = |eliminated: usize| {
             let (chart, reach) = (charts[eliminated], reach[eliminated]);
             let row = inverse.row(eliminated).transpose();
             let plane = &balance.planes()[eliminated];
-            let rise =
-                |chart: f64| row.dot(&plane.wrench_n(&prover.tangent(&balance, eliminated, chart)));
+            let rise = |chart: f64| {
+                let tangent_n = slope_n(prover, &balance, eliminated, chart).normalize();
+                row.dot(&plane.wrench_n(&tangent_n))
+            };
             let steep = STEEP * rise(chart);
-            let room = |way: f64, times: f64| chart + way * (times * reach + LEAST_BRACKET);
-            // As far as it is steep; or up to a fold, and beyond to where it falls as steeply.
-            let end = |way: f64| {
-                let rooms = BRACKETS.map(|times| room(way, times));
-                let is_steep = |end: &&f64| rise(**end) >= steep;
-                *rooms.iter().rev().find(is_steep).unwrap_or(&rooms[0])
-            };
-            let past = |way: f64| {
-                let rooms = BRACKETS.map(|times| room(way, times));
-                let falls = rooms.iter().position(|end| rise(*end) <= -steep);
-                rooms[falls.unwrap_or(BRACKETS.len() - 1)]
-            };
-            let least = [-1.0, 1.0].map(|way| {
-                BRACKETS
-                    .map(|times| rise(room(way, times)))
-                    .into_iter()
-                    .fold(f64::INFINITY, f64::min)
+            let ends = [-1.0, 1.0].map(|way| {
+                BRACKETS.map(|times| {
+                    let end = chart + way * (times * reach + LEAST_BRACKET);
+                    (end, rise(end))
+                })
             });
+            // As far as it is steep; or up to a fold, and beyond to where it falls as steeply.
+            let until = |side: usize| {
+                let [nearest, ..] = ends[side];
+                ends[side].iter().rev().find(|(_, rise)| *rise >= steep).unwrap_or(&nearest).0
+            };
+            let past = |side: usize| {
+                let [.., farthest] = ends[side];
+                ends[side].iter().find(|(_, rise)| *rise <= -steep).unwrap_or(&farthest).0
+            };
+            let least =
+                ends.map(|all| all.into_iter().fold(f64::INFINITY, |least, (_, r)| least.min(r)));
             let fold_at_slack_end = least[1] < least[0];
-            let bracket =
-                if fold_at_slack_end { [end(-1.0), past(1.0)] } else { [past(-1.0), end(1.0)] };
+            let bracket = if fold_at_slack_end { [until(0), past(1)] } else { [past(0), until(1)] };
             Start {
                 charts: *charts,
                 eliminated,
@@ -89,11 +92,23 @@ impl Outlook {
             }
         };
         let turns = order.iter().map(|cable| turns[*cable]).collect();
-        let starts = order.into_iter().map(start).collect();
+        let starts = order.into_iter().take(CABLES_TRIED).map(start).collect();
         let widest = largest(0..COORDINATES, |k| moved_n[k]);
         let defect = defect(prover, region, at, charts, &inverse, &slopes_n)?;
         Some(Self { starts, turns, widest, defect })
     }
+}
+
+/// The tangent of a cable.
+fn slope_n(prover: &Prover, balance: &Balance<f64>, cable: usize, chart: f64) -> Vector2<f64> {
+    let (plane, model) = (&balance.planes()[cable], &prover.robot().cables()[cable].model);
+    model.hang(plane.x_m, plane.z_m, chart).force_by_chart_n
+}
+
+/// Sine of the angle by which the tangent of a cable turns around a coordinate.
+fn turn(prover: &Prover, balance: &Balance<f64>, cable: usize, chart: f64, reach: f64) -> f64 {
+    let tangent = |chart: f64| slope_n(prover, balance, cable, chart).normalize();
+    tangent(chart - reach).perp(&tangent(chart + reach)).abs()
 }
 
 /// How the sum of the wrenches changes with each coordinate of the pose, N/m and N, at fixed coordinates of the cables.
@@ -126,9 +141,8 @@ fn defect(
         there[k] += 0.5 * region.extent(k);
         let balance = prover.balance(&there)?;
         for i in 0..CABLES {
-            let (plane, model) = (&balance.planes()[i], &prover.robot().cables()[i].model);
-            let tangent = model.hang(plane.x_m, plane.z_m, charts[i]).force_by_chart_n;
-            let mut column = inverse * plane.wrench_n(&tangent);
+            let tangent_n = slope_n(prover, &balance, i, charts[i]);
+            let mut column = inverse * balance.planes()[i].wrench_n(&tangent_n);
             column[i] -= 1.0;
             // A move by 1 N of this cable, in newtons of each.
             sum += column.abs().component_mul(slopes_n) / (slopes_n[i] * CABLES as f64);

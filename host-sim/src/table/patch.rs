@@ -6,7 +6,7 @@
 use cdpr_core::table::{COORDINATES, Plane};
 use num_traits::Zero;
 
-use super::place::{Point, PoseBox};
+use super::place::{Point, PoseBox, dot};
 use crate::interval::Interval;
 
 /// The poses `P` with `normal . P` up to a limit.
@@ -20,17 +20,17 @@ impl HalfSpace {
     /// What of a box is before a plane.
     pub(super) fn of(region: &PoseBox, plane: Plane) -> Self {
         let normal: Point = std::array::from_fn(|k| f64::from(plane.normal[k]) / region.extent(k));
-        let low: f64 = (0..COORDINATES).map(|k| normal[k] * region.low[k]).sum();
-        Self { normal, most: low + f64::from(plane.offset) / Plane::PER_UNIT }
+        let most = dot(&normal, &region.low) + f64::from(plane.offset) / Plane::PER_UNIT;
+        Self { normal, most }
     }
 
     pub(super) fn contains(&self, at: &Point) -> bool {
-        (0..COORDINATES).map(|k| self.normal[k] * at[k]).sum::<f64>() <= self.most
+        dot(&self.normal, at) <= self.most
     }
 
     /// All poses that a controller may take for one of it, whose coordinates it may take for others by so much.
     pub(super) fn wider(self, room: &Point) -> Self {
-        let more: f64 = (0..COORDINATES).map(|k| self.normal[k].abs() * room[k]).sum();
+        let more = dot(&self.normal.map(f64::abs), room);
         // And what it may round off, in sides of the box as the normal is; and what is rounded here.
         let most = self.most + more + SINGLE;
         Self { most: most + (self.most.abs() + more) * ROUNDING, ..self }
@@ -84,27 +84,27 @@ impl Patch {
             return Some(whole);
         }
         let range = all.intersection(Interval::new(f64::NEG_INFINITY, half.most))?;
-        let dot = |at: &Point| (0..COORDINATES).map(|k| normal[k] * at[k]).sum::<f64>();
         // The nearest to the middle of the box; where that is outside, on the way to the corner that is furthest before
         // the plane.
         let wanted = range.middle();
-        let factor = (wanted - dot(&whole.middle)) / whole.product(|k| normal[k], |k| normal[k]);
+        let factor = (wanted - dot(&normal, &whole.middle)) / whole.product(&normal, &normal);
         let near: Point = std::array::from_fn(|k| {
             let step = factor * normal[k] * region.extent(k) * region.extent(k);
             (whole.middle[k] + step).clamp(region.low[k], region.high[k])
         });
         let corner: Point =
             std::array::from_fn(|k| if normal[k] > 0.0 { region.low[k] } else { region.high[k] });
-        let past = dot(&near) - wanted;
-        let share = if past > 0.0 { (past / (dot(&near) - dot(&corner))).min(1.0) } else { 0.0 };
+        let (here, least) = (dot(&normal, &near), dot(&normal, &corner));
+        let past = here - wanted;
+        let share = if past > 0.0 { (past / (here - least)).min(1.0) } else { 0.0 };
         let middle = std::array::from_fn(|k| near[k] + share * (corner[k] - near[k]));
         Some(Self { region, middle, cut: Some(Cut { normal, range }) })
     }
 
     /// The product of two normals in units of the sides of the box.
-    fn product(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
+    fn product(&self, a: &Point, b: &Point) -> f64 {
         let side = |k: usize| self.region.extent(k);
-        (0..COORDINATES).map(|k| a(k) * b(k) * side(k) * side(k)).sum()
+        (0..COORDINATES).map(|k| a[k] * b[k] * side(k) * side(k)).sum()
     }
 
     /// How far from the middle a coordinate may be.
@@ -117,8 +117,8 @@ impl Patch {
         let whole = sum(|k| gradient[k], |k| self.aside(k));
         let Some(Cut { normal, range }) = &self.cut else { return whole };
         // What the cut tells of it, and the rest; right for any factor.
-        let length = self.product(|k| normal[k], |k| normal[k]);
-        let factor = self.product(|k| gradient[k].middle(), |k| normal[k]) / length;
+        let across = gradient.map(Interval::middle);
+        let factor = self.product(&across, normal) / self.product(normal, normal);
         if !factor.is_finite() {
             return whole;
         }

@@ -21,6 +21,11 @@ use crate::interval::Interval;
 /// A pose by its coordinates.
 pub(super) type Point = [f64; COORDINATES];
 
+/// `a . b`.
+pub(super) fn dot(a: &Point, b: &Point) -> f64 {
+    (0..COORDINATES).map(|k| a[k] * b[k]).sum()
+}
+
 /// The pose with these coordinates.
 pub(super) fn pose(at: &Point) -> Result<Pose<f64>, GeometryFault> {
     let turn = Vector3::new(at[3], at[4], at[5]);

@@ -62,11 +62,11 @@
 //! the solution, towards that end, must have the sign of its side or fall. The poses that are too close to the fold, or
 //! beyond it, are cut off by a plane: over a [`Patch`] the sums are bounded with what the plane tells.
 
-use cdpr_core::chart::{ChartStep, Charted as _, Start};
+use cdpr_core::chart::{ChartStep, Start};
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{COORDINATES, Gap, TOLERANCE};
 use cdpr_core::{CABLES, Load, Robot};
-use nalgebra::{Matrix6, Vector2, Vector6};
+use nalgebra::{Matrix6, Vector6};
 use num_traits::Zero;
 
 use super::Model;
@@ -168,7 +168,7 @@ impl Prover {
     ) -> Option<([f64; CABLES], ChartStep<f64>)> {
         let mut charts = *charts;
         for _ in 0..steps {
-            let step = ChartStep::new(&self.robot, balance, &charts).ok()?;
+            let step = self.step(balance, &charts)?;
             let settled = (0..CABLES)
                 .all(|i| (step.charts[i] - charts[i]).abs() <= SETTLED * (1.0 + charts[i].abs()));
             if settled {
@@ -213,18 +213,6 @@ impl Prover {
         let (center, step) = self.settle(balance, &near.charts, SETTLING_STEPS)?;
         let is_of_sheet = step.elimination().is_positive() == seed.is_positive;
         (is_of_sheet && is_near(&step, &reached, &center)).then_some((center, step))
-    }
-
-    /// The direction of the tangent of a cable.
-    pub(super) fn tangent(&self, balance: &Balance<f64>, cable: usize, chart: f64) -> Vector2<f64> {
-        let (plane, model) = (&balance.planes()[cable], &self.robot.cables()[cable].model);
-        model.hang(plane.x_m, plane.z_m, chart).force_by_chart_n.normalize()
-    }
-
-    /// Sine of the angle by which the tangent of a cable turns around a coordinate.
-    pub(super) fn turn(&self, balance: &Balance<f64>, cable: usize, chart: f64, reach: f64) -> f64 {
-        let tangent = |chart: f64| self.tangent(balance, cable, chart);
-        tangent(chart - reach).perp(&tangent(chart + reach)).abs()
     }
 
     /// Examines a patch; `steps` is what the seed may take at most.
@@ -452,11 +440,12 @@ impl<'a> Frame<'a> {
             fed
         };
         let per_newton = self.inverse.per_newton[cable];
-        let unit = per_newton * F32 * self.roundings(cable);
+        let rounded = |i: usize| per_newton * F32 * self.roundings(i);
+        let unit = rounded(cable);
         // What is rounded in the tangents of the others.
         let matrix_unit = Vector6::from_fn(|i, _| {
             let slope_n = reach[i].as_ref().map_or(0.0, |at| size(&at.by_chart_n).high());
-            per_newton * F32 * self.roundings(i) * slope_n
+            rounded(i) * slope_n
         });
         let others =
             |v: &dyn Fn(usize) -> f64| Vector6::from_fn(|i, _| if i == cable { 0.0 } else { v(i) });

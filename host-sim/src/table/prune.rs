@@ -1,6 +1,6 @@
 //! The best table of so many bytes: cells that cover little for what they take are left out.
 
-use cdpr_core::table::{Gap, Node, Plane};
+use cdpr_core::table::{Gap, Node};
 
 use super::cells::Plan;
 
@@ -42,9 +42,8 @@ fn at_price(plan: &Plan, price: f64, share: f64) -> (Plan, f64) {
             (Plan::of(usize::from(*coordinate), [lower, upper]), a + b - price)
         }
         Plan::Cell(_) => (plan.clone(), share - price),
-        Plan::Trim { normal, offset, .. } => {
-            let plane = Plane { normal: *normal, offset: *offset };
-            let (_, words) = Node::Trim { plane, inside: 0 }.encode();
+        Plan::Trim { plane, .. } => {
+            let (_, words) = Node::Trim { plane: *plane, inside: 0 }.encode();
             (plan.clone(), BEFORE * share - (words as f64 + 1.0) * price)
         }
         Plan::Nothing(_) => (plan.clone(), -price),

@@ -194,9 +194,8 @@ impl<'a> Survey<'a> {
     /// One part of a way: Newton's method at once contracts, and does not change the sign.
     fn part(&self, at: &Point, last: &Found) -> Option<Found> {
         let balance = self.prover.balance(at)?;
-        let robot = self.prover.robot();
-        let first = ChartStep::new(robot, &balance, &last.charts).ok()?;
-        let second = ChartStep::new(robot, &balance, &first.charts).ok()?;
+        let first = self.prover.step(&balance, &last.charts)?;
+        let second = self.prover.step(&balance, &first.charts)?;
         let moved = |a: &[f64; CABLES], b: &[f64; CABLES], step: &ChartStep<f64>| -> f64 {
             (0..CABLES).map(|i| (a[i] - b[i]).abs() * step.points[i].force_by_chart_n.norm()).sum()
         };
