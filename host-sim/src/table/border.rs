@@ -2,6 +2,7 @@
 
 use cdpr_core::CABLES;
 use cdpr_core::table::Plane;
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::outlook::by_pose;
 use super::place::{Point, PoseBox, dot};
@@ -15,11 +16,18 @@ const LAST: f64 = 1e-3;
 /// Newton steps of a part.
 const STEPS: usize = 8;
 
-/// A plane near to where the sheet ends.
+/// How far back from the end others are looked for beside it.
+const BACK: f64 = 0.35;
+/// Parts of the way there at least.
+const SHORTEST: f64 = 1.0 / 32.0;
+/// The normal is turned no further than this to fit them.
+const MOST_TURN: f64 = 1.0;
+
+/// Where the sheet ends, close to a plane.
 #[derive(Clone, Debug)]
 pub(super) struct Edge {
-    /// Where it ends, in sides of the box from its lower corner.
-    at: Point,
+    /// Places where it ends, in sides of the box from its lower corner.
+    ends: Vec<Point>,
     /// Where it goes on no more, of unit length in sides of the box.
     normal: Point,
 }
@@ -40,23 +48,69 @@ impl Edge {
         let search = Search { prover, part, at, charts, is_positive };
         let both = [normal, normal.map(|n| -n)].map(|way| search.towards(&way));
         let (first, _) = both.into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1))?;
-        // Once more, straight to it.
-        Some(search.towards(&first.normal)?.0)
+        // Once more, straight to it; and beside it.
+        let (End { at, normal }, _) = search.towards(&first.normal)?;
+        let beside = (0..8).filter_map(|corner| search.beside(&at, &normal, corner));
+        let ends: Vec<Point> = std::iter::once(at).chain(beside).collect();
+        let normal = fitted(&ends, &normal);
+        Some(Self { ends, normal })
     }
 
-    /// The plane so far before the end, in sides of the box; `None` where it would not cut it.
+    /// The plane so far before the nearest end, in sides of the box; `None` where it would not cut it.
     #[allow(clippy::cast_possible_truncation)] // within their limits
     pub(super) fn plane(&self, room: f64) -> Option<Plane> {
         let largest = self.normal.iter().fold(0.0_f64, |most, n| most.max(n.abs()));
         let unit = f64::from(Plane::LARGEST) / largest;
         let normal = self.normal.map(|n| (n * unit).round());
-        let offset = dot(&normal, &self.at) - room * unit;
+        let nearest = self.ends.iter().map(|at| dot(&normal, at)).fold(f64::INFINITY, f64::min);
+        let offset = nearest - room * unit;
         let ends = |end: fn(f64, f64) -> f64| normal.iter().map(|n| end(*n, 0.0)).sum::<f64>();
         (offset > ends(f64::min) && offset < ends(f64::max)).then(|| Plane {
             normal: normal.map(|n| n as i8),
             offset: (offset * Plane::PER_UNIT).floor() as i16,
         })
     }
+}
+
+/// A place where the sheet ends, and the direction in which it does.
+struct End {
+    at: Point,
+    normal: Point,
+}
+
+/// The normal of the plane through `ends` that is closest to all of them, near to `normal`: as it is turned in the
+/// position.
+fn fitted(ends: &[Point], normal: &Point) -> Point {
+    let n = Vector3::new(normal[0], normal[1], normal[2]);
+    let Some(across) = n.try_normalize(0.1) else { return *normal };
+    // Two directions beside it.
+    let u = across.cross(&Vector3::ith(across.iamin(), 1.0)).normalize();
+    let v = across.cross(&u);
+    let beside = |at: &Point| {
+        let at = Vector3::new(at[0], at[1], at[2]);
+        Vector2::new(at.dot(&u), at.dot(&v))
+    };
+    let share = 1.0 / ends.len() as f64;
+    let middle: Vector2<f64> = ends.iter().map(|at| beside(at) * share).sum();
+    let height: f64 = ends.iter().map(|at| dot(normal, at) * share).sum();
+    let (mut square, mut product) = (Matrix2::zeros(), Vector2::zeros());
+    for at in ends {
+        let aside = beside(at) - middle;
+        square += aside * aside.transpose();
+        product += aside * (dot(normal, at) - height);
+    }
+    let slope = square.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * product);
+    let is_near = slope.norm() <= MOST_TURN; // false for NaN
+    if !is_near {
+        return *normal;
+    }
+    let turned = u * slope.x + v * slope.y;
+    let mut fit = *normal;
+    for k in 0..3 {
+        fit[k] -= turned[k];
+    }
+    let size = dot(&fit, &fit).sqrt();
+    fit.map(|n| n / size)
 }
 
 /// From a solution.
@@ -70,7 +124,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// Where the sheet ends this way, and how far that is in sides of the box.
-    fn towards(&self, way: &Point) -> Option<(Edge, f64)> {
+    fn towards(&self, way: &Point) -> Option<(End, f64)> {
         let Self { prover, part, at, charts, is_positive } = *self;
         let from = part.local(at);
         let (mut known, mut far, mut step) = (*charts, 0.0, FIRST);
@@ -88,7 +142,32 @@ impl Search<'_> {
         let at = along(&from, way, far);
         let (normal, _) = across(prover, part, &part.at(&at), &known)?;
         let sign = dot(&normal, way).signum();
-        Some((Edge { at, normal: normal.map(|n| n * sign) }, far))
+        Some((End { at, normal: normal.map(|n| n * sign) }, far))
+    }
+
+    /// Where it ends beside a place, nearer to a corner of the box.
+    fn beside(&self, at: &Point, normal: &Point, corner: u8) -> Option<Point> {
+        let Self { prover, part, is_positive, .. } = *self;
+        let mut aside = *at;
+        for k in 0..3 {
+            aside[k] = f64::from(corner >> k & 1);
+        }
+        let before = dot(normal, &aside) - dot(normal, at) + BACK;
+        let start = along(&aside, normal, -before).map(|t| t.clamp(0.0, 1.0));
+        // The way there.
+        let from = part.local(self.at);
+        let (mut known, mut done, mut step) = (*self.charts, 0.0, FIRST);
+        while done < 1.0 {
+            let next = f64::min(done + step, 1.0);
+            let there: Point = std::array::from_fn(|k| from[k] + (start[k] - from[k]) * next);
+            match prover.nearby(&part.at(&there), &known, is_positive, STEPS) {
+                Some(found) => (known, done) = (found, next),
+                None if step > SHORTEST => step *= 0.5,
+                None => return None,
+            }
+        }
+        let search = Search { at: &part.at(&start), charts: &known, ..*self };
+        Some(search.towards(normal)?.0.at)
     }
 }
 

@@ -2,10 +2,11 @@
 //!
 //! A box of poses is tried with the seeds of the larger boxes that it is a part of; if the proof does not hold for all
 //! of it, with seeds of its own, the solution at its middle with one of the two cables eliminated that bend most over
-//! the box; if there is a fold in it, so with what is before a plane close to that; else it is halved, in the
-//! coordinate that moves the forces most, and each half is tried in the same way. Halves that are covered from the
-//! same seed are one cell again: at every pose of the face between them the seed leads to one solution, so that the
-//! solution is continuous over both. So it is, too, in a trimmed cell, that is proven part by part.
+//! the box. Boxes of some sizes are then proven part by part, with one seed for all parts, which makes fewer cells; and
+//! if there is a fold in one, so with what is before a plane close to that. What is left is halved, in the coordinate
+//! that moves the forces most, and each half is tried in the same way. Halves that are covered from the same seed are one
+//! cell again: at every pose of the face between them the seed leads to one solution, so that the solution is continuous
+//! over both. So it is, too, over the parts of a cell.
 
 use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_WORDS, decoded, encoded, shortened};
@@ -32,10 +33,16 @@ const MOST_TURN: f64 = 0.5;
 const MOST_DEFECT: f64 = 0.3;
 /// A box for which none is tried gives its parts a seed to share if it turns less than this.
 const DEFECT_OF_SEEDS: f64 = 0.9;
-/// Where so many halvings are left a box is trimmed, so far before the fold, in sides of the box.
-const ROOMS: [(u8, &[f64]); 2] = [(6, &[0.08]), (3, &[0.08, 0.16, 0.3])];
-/// Halvings of a trimmed box for its proof.
-const TRIM_HALVINGS: u8 = 9;
+/// Where so many halvings are left a box is proven part by part, with halvings beyond those of the smallest cells.
+const PIECED: [u8; 5] = [12, 9, 6, 3, 0];
+const PIECE_HALVINGS: u8 = 6;
+/// Where so many are left it is trimmed, so far before the fold, in sides of the box; halvings as well.
+const ROOMS: [(u8, &[f64]); 3] = [(9, &[0.02]), (6, &[0.02]), (3, &[0.02, 0.08, 0.2])];
+const TRIM_HALVINGS: u8 = 6;
+/// Poses at which a seed is to lead to a solution before it is tried for a box part by part, besides its corners.
+const POSES_LED: usize = 64;
+/// Seeds of others that are tried in place of one that is proven part by part.
+const SHARED_SEEDS: usize = 3;
 /// Where a length is beyond its limit by this factor, nothing is tried.
 const FAR_BEYOND: f64 = 1.1;
 /// Rounding of a pose's place in the region, in f32, as a part of its extent; and of its turn vector.
@@ -168,6 +175,38 @@ impl Plan {
     }
 }
 
+/// A box, or what of it is in a half-space, to be covered with one seed that is proven part by part, in so many halvings
+/// at most.
+struct Pieces<'a> {
+    part: &'a PoseBox,
+    half: Option<&'a HalfSpace>,
+    halvings: u8,
+}
+
+impl Pieces<'_> {
+    /// A box in the middle of one of the pieces, no larger than the smallest ones.
+    fn inside(&self, piece: &PoseBox) -> Option<PoseBox> {
+        let patch =
+            self.half.map_or(Some(Patch::whole(*piece)), |half| Patch::within(*piece, half));
+        let middle = patch?.middle;
+        // Only three coordinates are halved where turns are hardly any.
+        let share = 0.5_f64.powi(i32::from(self.halvings / 3) + 2);
+        let side = |k: usize| share * self.part.extent(k);
+        Some(PoseBox {
+            low: std::array::from_fn(|k| piece.low[k].max(middle[k] - side(k))),
+            high: std::array::from_fn(|k| piece.high[k].min(middle[k] + side(k))),
+        })
+    }
+}
+
+/// The corners of the positions of a box, with the turn in the middle.
+fn corners(part: &PoseBox) -> impl Iterator<Item = Point> {
+    (0..8_u8).map(|number| {
+        let end = |k: usize| f64::from(number >> k & 1);
+        part.at(&std::array::from_fn(|k| if k < 3 { end(k) } else { 0.5 }))
+    })
+}
+
 pub(super) struct Tiler<'a> {
     pub(super) prover: &'a Prover,
     pub(super) survey: &'a Survey<'a>,
@@ -198,17 +237,25 @@ impl Tiler<'_> {
         let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(s, &at)).collect();
         let own: Vec<Seed> = outlook.starts.iter().map(written).collect();
         let bends = outlook.turns.iter().skip(BENDING).any(|turn| *turn > MOST_TURN);
-        let (split, gap) = if bends || outlook.defect > MOST_DEFECT {
-            (Some(outlook.widest), Gap::Unproven)
+        let at_once = if bends || outlook.defect > MOST_DEFECT {
+            Err((Some(outlook.widest), Gap::Unproven))
         } else {
-            match self.cell(part, &at, &given, &own, known) {
-                Ok(cell) => return Plan::Cell(cell),
-                Err(why) => match self.trimmed(part, depth, (&at, &found), &given) {
-                    Some(trimmed) => return trimmed,
-                    None => why,
-                },
-            }
+            self.cell(part, &at, &given, &own, known)
         };
+        let (split, gap) = match at_once {
+            Ok(cell) => return Plan::Cell(cell),
+            Err(why) => why,
+        };
+        let left = self.effort.depth - depth;
+        if PIECED.contains(&left) {
+            let pieces = Pieces { part, half: None, halvings: left + PIECE_HALVINGS };
+            if let Some(cell) = self.pieced(&pieces, &given, || own.clone(), known) {
+                return Plan::Cell(cell);
+            }
+        }
+        if let Some(trimmed) = self.trimmed(part, left, (&at, &found), &given, known) {
+            return trimmed;
+        }
         if outlook.defect < DEFECT_OF_SEEDS {
             given.extend(own.first());
             if given.len() > SEEDS_GIVEN {
@@ -228,7 +275,8 @@ impl Tiler<'_> {
         own: &[Seed],
         known: &mut Vec<Seed>,
     ) -> Result<Cell, (Option<usize>, Gap)> {
-        let leading = given.iter().filter(|seed| self.leads_at_corners(seed, part, None));
+        let leads = |seed: &&Seed| corners(part).all(|at| self.leads(seed, &at));
+        let leading = given.iter().filter(leads);
         let why = match self.first(part, leading) {
             Ok(cell) => return Ok(cell),
             Err(why) => why,
@@ -259,15 +307,15 @@ impl Tiler<'_> {
         Err(why)
     }
 
-    /// Covers a box up to a plane before a fold, with a seed that it was given or one of its own.
+    /// Covers a box up to a plane before a fold.
     fn trimmed(
         &self,
         part: &PoseBox,
-        depth: u8,
+        left: u8,
         (at, found): (&Point, &Found),
         given: &[Seed],
+        known: &mut Vec<Seed>,
     ) -> Option<Plan> {
-        let left = self.effort.depth - depth;
         let (_, rooms) = ROOMS.iter().find(|(at, _)| *at == left)?;
         let edge = Edge::find(self.prover, part, at, &found.charts)?;
         rooms.iter().find_map(|room| {
@@ -279,55 +327,86 @@ impl Tiler<'_> {
                 let outlook = Outlook::new(self.prover, part, &middle, &charts)?;
                 outlook.starts.first().map(written)
             };
-            let leads = |seed: &Seed| {
-                self.leads(seed, &middle) && self.leads_at_corners(seed, part, Some(&half))
-            };
-            let prove = |seed: Seed| {
-                let steps = self.prove_trimmed(part, &half, &seed, TRIM_HALVINGS)?;
-                Some(Plan::Trim { plane, cell: Cell { seed, steps } })
-            };
-            let mut given = given.iter().copied().filter(leads);
-            given.find_map(prove).or_else(|| prove(own()?))
+            let pieces = Pieces { part, half: Some(&half), halvings: left + TRIM_HALVINGS };
+            let cell = self.pieced(&pieces, given, || own().into_iter().collect(), known)?;
+            Some(Plan::Trim { plane, cell })
         })
     }
 
-    /// Whether a seed leads to solutions at the corners of a box, or those of them that are in a half-space.
-    fn leads_at_corners(&self, seed: &Seed, part: &PoseBox, half: Option<&HalfSpace>) -> bool {
-        let corner = |number: u8| {
-            let end = |k: usize| f64::from(number >> k & 1);
-            part.at(&std::array::from_fn(|k| if k < 3 { end(k) } else { 0.5 }))
+    /// Covers all of some pieces with one seed: the oldest that the box was given, or one of its own or another that
+    /// does as well.
+    fn pieced(
+        &self,
+        pieces: &Pieces,
+        given: &[Seed],
+        own: impl FnOnce() -> Vec<Seed>,
+        known: &mut Vec<Seed>,
+    ) -> Option<Cell> {
+        let leads = |seed: &&Seed| self.leads_over(seed, pieces);
+        let mut hardest = None;
+        let mut prove = |seed: &Seed| {
+            let start = started(seed)?;
+            // Where one seed failed another mostly does.
+            if let Some(hardest) = &hardest
+                && !matches!(self.verdict(hardest, pieces.half, &start), Verdict::Proven { .. })
+            {
+                return None;
+            }
+            match self.prove_pieces(pieces.part, pieces, &start, pieces.halvings) {
+                Ok(steps) => Some(Cell { seed: *seed, steps }),
+                Err(piece) => {
+                    hardest = pieces.inside(&piece);
+                    None
+                }
+            }
         };
-        let is_in = |at: &Point| half.is_none_or(|half| half.contains(at));
-        (0..8).map(corner).filter(is_in).all(|at| self.leads(seed, &at))
+        if let Some(cell) = given.first().filter(leads).and_then(&mut prove) {
+            return Some(cell);
+        }
+        let cell = own().iter().filter(leads).find_map(&mut prove)?;
+        // A seed that others have already makes a smaller table.
+        let others = given.iter().skip(1).chain(known.iter().rev().take(KNOWN_SEEDS));
+        let shared = others.filter(leads).take(SHARED_SEEDS).find_map(&mut prove);
+        Some(shared.unwrap_or_else(|| {
+            known.push(cell.seed);
+            cell
+        }))
+    }
+
+    /// The steps that a seed takes for the pieces in a part of their box; the piece for which that is not proven.
+    fn prove_pieces(
+        &self,
+        part: &PoseBox,
+        pieces: &Pieces,
+        start: &Start<f64>,
+        halvings: u8,
+    ) -> Result<u8, PoseBox> {
+        match self.verdict(part, pieces.half, start) {
+            Verdict::Proven { steps } => Ok(steps),
+            Verdict::Open { split, .. } if halvings > 0 => {
+                let parts = part.halves(split);
+                // What is closer to the plane fails sooner.
+                let first = pieces.half.map_or(0, |half| half.nearer_half(split));
+                let mut most = 1;
+                for part in [parts[first], parts[1 - first]] {
+                    most = most.max(self.prove_pieces(&part, pieces, start, halvings - 1)?);
+                }
+                Ok(most)
+            }
+            _ => Err(*part),
+        }
+    }
+
+    /// Whether a seed leads to solutions at the corners of some pieces and all over them.
+    fn leads_over(&self, seed: &Seed, pieces: &Pieces) -> bool {
+        let Pieces { part, half, .. } = pieces;
+        let all = corners(part).chain((0..POSES_LED).map(|n| part.at(&spread(n))));
+        all.filter(|at| half.is_none_or(|half| half.contains(at))).all(|at| self.leads(seed, &at))
     }
 
     /// Whether a seed leads to a solution at a pose, as far as floats tell.
     fn leads(&self, seed: &Seed, at: &Point) -> bool {
         started(seed).is_some_and(|start| self.prover.leads(at, &start, self.effort.steps))
-    }
-
-    /// The steps that a seed takes for what of a box is in a half-space, if that is proven.
-    fn prove_trimmed(
-        &self,
-        part: &PoseBox,
-        half: &HalfSpace,
-        seed: &Seed,
-        halvings: u8,
-    ) -> Option<u8> {
-        match self.verdict(part, Some(half), &started(seed)?) {
-            Verdict::Proven { steps } => Some(steps),
-            Verdict::Open { split, .. } if halvings > 0 => {
-                let parts = part.halves(split);
-                // What is closer to the plane fails sooner.
-                let first = half.nearer_half(split);
-                let mut most = 1;
-                for part in [parts[first], parts[1 - first]] {
-                    most = most.max(self.prove_trimmed(&part, half, seed, halvings - 1)?);
-                }
-                Some(most)
-            }
-            _ => None,
-        }
     }
 
     /// What of each coordinate a controller's rounding may add.

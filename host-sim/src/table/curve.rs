@@ -65,11 +65,7 @@ impl Curves {
     /// One cable over a range of its coordinate, in parts where the whole is not known well.
     pub(super) fn reach(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Reach> {
         let whole = self.reach_at_once(i, sight, chart);
-        let is_good = |reach: &Reach| {
-            let open = reach.bend_n.map(Interval::radius).sum() * chart.radius();
-            open <= WIDE * size(&reach.by_chart_n).low()
-        };
-        if whole.as_ref().is_some_and(is_good) {
+        if whole.as_ref().is_some_and(|reach| is_known(chart, &reach.bend_n, &reach.by_chart_n)) {
             return whole;
         }
         // So many that the root hardly changes over each.
@@ -90,6 +86,20 @@ impl Curves {
             });
         }
         all
+    }
+
+    /// The first derivative only, over a range for which a bound on the second is known; as well as [`Self::reach`].
+    pub(super) fn tangent(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+        bend_n: &Vector2<Interval>,
+    ) -> Option<Vector2<Interval>> {
+        match self.slope(i, sight, chart, bend_n) {
+            Some(by_chart_n) if is_known(chart, bend_n, &by_chart_n) => Some(by_chart_n),
+            _ => Some(self.reach(i, sight, chart)?.by_chart_n),
+        }
     }
 
     /// One cable over a range of its coordinate, with the second derivative.
@@ -169,6 +179,12 @@ impl Curves {
         }
         Some((root, strain, at(strain)))
     }
+}
+
+/// Whether the change of the slope over a range is known well.
+fn is_known(chart: Interval, bend_n: &Vector2<Interval>, by_chart_n: &Vector2<Interval>) -> bool {
+    let open = bend_n.map(Interval::radius).sum() * chart.radius();
+    open <= WIDE * size(by_chart_n).low() // false for NaN
 }
 
 /// The roots of all coordinates of a range.

@@ -3,7 +3,8 @@
 //! Within a cell the solution is one continuous function of the pose: at every pose it is where Newton's method
 //! leads from the seed. Two cells that share a face have the same solution all over what they share of it, which is
 //! convex, when they have it at one pose. Where they do not, the sheet has come back to the same poses on another
-//! branch: a seam.
+//! branch: a seam. Cells that share no face with others of the sheet are linked to it by a straight way, proven box by
+//! box as cells are.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +12,19 @@ use cdpr_core::CABLES;
 use cdpr_core::table::{COORDINATES, Gap};
 
 use super::cells::{Cell, Plan, spread, started};
-use super::patch::HalfSpace;
-use super::place::{Point, PoseBox};
-use super::proof::Prover;
+use super::outlook::Outlook;
+use super::patch::{HalfSpace, Patch};
+use super::place::{Point, PoseBox, dot};
+use super::proof::{Prover, Verdict};
 
 /// Two solutions that differ by less are one: far below the radii within which each is proven to be alone.
 const SAME: f64 = 1e-6;
 /// Poses of a face that are tried.
 const FACE_ATTEMPTS: usize = 64;
+/// Ways that are tried from what shares no face, the shortest first; halvings of one, and Newton steps of a box of it.
+const WAYS: usize = 12;
+const WAY_HALVINGS: u8 = 7;
+const WAY_STEPS: u8 = 6;
 
 /// Where two cells share poses but not the solution. Not looked for where planes leave next to nothing of a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,26 +74,86 @@ pub(super) fn connected(
     for (a, placed) in cells.iter().enumerate() {
         for (b, other) in cells.iter().enumerate().skip(a + 1) {
             let Some(at) = placed.shared(other) else { continue };
-            let lead = |cell: &Cell| {
-                let balance = prover.balance(&at)?;
-                Some(prover.lead(&balance, &started(&cell.seed)?, cell.steps)?.0)
-            };
-            let (Some(here), Some(there)) = (lead(&placed.cell), lead(&other.cell)) else {
-                continue;
-            };
-            let same = |i: usize| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs());
-            if (0..CABLES).all(same) {
+            let ends = [placed, other].map(|placed| placed.solution(prover, &at));
+            let [Some(here), Some(there)] = ends else { continue };
+            if is_same(&here, &there) {
                 sets.join(a, b);
             } else {
                 seams.push((a, Seam { pose: at }));
             }
         }
     }
+    by_ways(prover, &cells, &mut sets, first);
     let sheet = sets.root(first);
     let kept: Vec<bool> = (0..cells.len()).map(|index| sets.root(index) == sheet).collect();
     let seams = seams.into_iter().filter(|(a, _)| kept[*a]).map(|(_, seam)| seam).collect();
     let mut index = 0;
     Some((keep(plan, &kept, &mut index), seams))
+}
+
+/// Whether two solutions at one pose are the same.
+fn is_same(here: &[f64; CABLES], there: &[f64; CABLES]) -> bool {
+    (0..CABLES).all(|i| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs()))
+}
+
+/// Joins what a way links to the cells of the sheet that are joined already.
+fn by_ways(prover: &Prover, cells: &[Placed], sets: &mut Sets, first: usize) {
+    let sheet = sets.root(first);
+    let roots: Vec<usize> = (0..cells.len()).map(|index| sets.root(index)).collect();
+    let poses: Vec<Option<Point>> = cells.iter().map(Placed::pose).collect();
+    let mut ways: BTreeMap<usize, Vec<(f64, usize, usize)>> = BTreeMap::new();
+    for (a, from) in poses.iter().enumerate().filter(|(a, _)| roots[*a] != sheet) {
+        for (b, to) in poses.iter().enumerate().filter(|(b, _)| roots[*b] == sheet) {
+            if let (Some(from), Some(to)) = (from, to) {
+                let way: Point = std::array::from_fn(|k| to[k] - from[k]);
+                ways.entry(roots[a]).or_default().push((dot(&way, &way), a, b));
+            }
+        }
+    }
+    for (root, mut ways) in ways {
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let links = |&(_, a, b): &(f64, usize, usize)| {
+            let (from, to) = (poses[a]?, poses[b]?);
+            let start = cells[a].solution(prover, &from)?;
+            let end = walked(prover, (&from, &start), &to, WAY_HALVINGS)?;
+            is_same(&end, &cells[b].solution(prover, &to)?).then_some(())
+        };
+        if ways.iter().take(WAYS).any(|way| links(way).is_some()) {
+            sets.join(root, sheet);
+        }
+    }
+}
+
+/// The solution at the end of a straight way that is the one at its beginning, proven all along: the way is covered
+/// with boxes, over each of which the solution is one continuous function of the pose, and which share their ends.
+fn walked(
+    prover: &Prover,
+    (from, start): (&Point, &[f64; CABLES]),
+    to: &Point,
+    halvings: u8,
+) -> Option<[f64; CABLES]> {
+    let middle: Point = std::array::from_fn(|k| 0.5 * (from[k] + to[k]));
+    let low = std::array::from_fn(|k| from[k].min(to[k]));
+    let high = std::array::from_fn(|k| from[k].max(to[k]));
+    let part = PoseBox { low, high };
+    let at_once = || {
+        let (charts, _) =
+            prover.settle(&prover.balance(&middle)?, start, usize::from(WAY_STEPS))?;
+        let outlook = Outlook::new(prover, &part, &middle, &charts)?;
+        let patch = Patch::whole(part);
+        outlook.starts.iter().find_map(|seed| {
+            let Verdict::Proven { steps } = prover.examine(&patch, seed, WAY_STEPS) else {
+                return None;
+            };
+            let lead = |at: &Point| Some(prover.lead(&prover.balance(at)?, seed, steps)?.0);
+            is_same(start, &lead(from)?).then(|| lead(to))?
+        })
+    };
+    at_once().or_else(|| {
+        let left = halvings.checked_sub(1)?;
+        let there = walked(prover, (from, start), &middle, left)?;
+        walked(prover, (&middle, &there), to, left)
+    })
 }
 
 /// A cell, where it is.
@@ -100,6 +166,20 @@ struct Placed {
 impl Placed {
     fn contains(&self, at: &Point) -> bool {
         self.part.contains(at) && self.trim.is_none_or(|half| half.contains(at))
+    }
+
+    /// A pose of it.
+    fn pose(&self) -> Option<Point> {
+        match &self.trim {
+            None => Some(self.part.middle()),
+            Some(half) => Some(Patch::within(self.part, half)?.middle),
+        }
+    }
+
+    /// Its solution at a pose of it.
+    fn solution(&self, prover: &Prover, at: &Point) -> Option<[f64; CABLES]> {
+        let balance = prover.balance(at)?;
+        Some(prover.lead(&balance, &started(&self.cell.seed)?, self.cell.steps)?.0)
     }
 
     /// A pose of the face that two cells share; `None` when they do not even touch, or along an edge only, or none was
@@ -157,5 +237,82 @@ pub(super) fn gaps(plan: &Plan, counts: &mut BTreeMap<Gap, usize>) {
         Plan::Trim { .. } => *counts.entry(Gap::Fold).or_default() += 1,
         Plan::Nothing(gap) => *counts.entry(*gap).or_default() += 1,
         Plan::Cell(_) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use cdpr_core::Charted as _;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt as _, SeedableRng as _};
+
+    use super::super::Model;
+    use super::*;
+    use crate::choice::{Choice, choose};
+    use crate::enumerate::{ModelKind, Request};
+    use crate::robot_file::RobotDescription;
+
+    /// Where many small steps of Newton's method lead, without proof; `None` where one is long, or changes the sign.
+    fn in_small_steps(
+        prover: &Prover,
+        from: &Point,
+        start: &[f64; CABLES],
+        to: &Point,
+    ) -> Option<[f64; CABLES]> {
+        const PARTS: u32 = 2000;
+        let mut charts = *start;
+        let sign = |at: &Point, charts: &[f64; CABLES]| {
+            let step = prover.step(&prover.balance(at)?, charts)?;
+            Some(step.elimination().is_positive())
+        };
+        let wanted = sign(from, start)?;
+        for part in 1..=PARTS {
+            let share = f64::from(part) / f64::from(PARTS);
+            let at: Point = std::array::from_fn(|k| from[k] + (to[k] - from[k]) * share);
+            let (next, _) = prover.settle(&prover.balance(&at)?, &charts, 8)?;
+            let is_short = (0..CABLES).all(|i| (next[i] - charts[i]).abs() < 1.0);
+            if !is_short || sign(&at, &next)? != wanted {
+                return None;
+            }
+            charts = next;
+        }
+        Some(charts)
+    }
+
+    /// From a pose at 17 cm from a fold: ways end where small steps lead, and none goes through the fold.
+    #[test]
+    fn ways_end_where_small_steps_lead() {
+        let mut robot = RobotDescription::marionet_crane();
+        for limits in &mut robot.limits {
+            limits.max_length_m = 60.0;
+        }
+        let load = robot.load;
+        let (position_m, model) = ([2.1, 9.1, 1.2], ModelKind::Irvine);
+        let request = Request { robot, position_m, rotation_vector_rad: [0.0; 3], model };
+        let robot = request.problem::<Model>().expect("a problem").robot;
+        let states = choose(&request, Choice::Shortest, None).expect("a solution").states;
+        let prover = Prover::new(&robot, &load);
+        let start = std::array::from_fn(|i| robot.cables()[i].model.chart(&states[i]));
+        let from = [2.1, 9.1, 1.2, 0.0, 0.0, 0.0];
+        let (mut linked, mut folded) = (0, 0);
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..24 {
+            let mut to = from;
+            for k in 0..3 {
+                to[k] += random.random_range(-0.1..0.6);
+            }
+            let way = walked(&prover, (&from, &start), &to, WAY_HALVINGS);
+            let steps = in_small_steps(&prover, &from, &start, &to);
+            match (way, steps) {
+                (Some(way), Some(steps)) => {
+                    assert!(is_same(&way, &steps), "{to:?}: {way:?} {steps:?}");
+                    linked += 1;
+                }
+                (Some(way), None) => panic!("{to:?}: through a fold to {way:?}"),
+                (None, None) => folded += 1,
+                (None, Some(_)) => {} // too close to the fold for the proof
+            }
+        }
+        assert!(linked > 5 && folded > 5, "{linked} {folded}");
     }
 }

@@ -297,8 +297,10 @@ impl<'a> Frame<'a> {
             return None;
         }
         let exact = sums.exactly(at)?;
-        let (here, rows) = sums.fine(&exact, at, at)?;
-        let known = here.sum[cable].radius() / here.slope[cable].low();
+        let (here, rows) = sums.joint(&exact, at)?;
+        let tangent_n = balance.planes()[cable].wrench_n(&at_center.points[cable].force_by_chart_n);
+        let rise = inverse.matrix.row(cable).transpose().dot(&tangent_n);
+        let known = here.sum[cable].radius() / rise;
         if !(known > 0.0 && known.is_finite()) {
             return None;
         }
@@ -410,8 +412,8 @@ impl<'a> Frame<'a> {
                 continue;
             }
             let all = prover.curves.reach(i, &sights[i], at[i])?;
-            let middle = prover.curves.reach(i, &self.sights[i], at[i])?;
-            columns.set(i, &self.sights[i].wrench_n(&middle.by_chart_n));
+            let tangent_n = prover.curves.tangent(i, &self.sights[i], at[i], &all.bend_n)?;
+            columns.set(i, &self.inverse, &self.sights[i].wrench_n(&tangent_n));
             let mut turning_n = [Vector6::zeros(); COORDINATES];
             sights[i].add_moved(&mut turning_n, &all.by_chart_n, &all.turn_n, *along);
             columns.turn(i, &self.inverse.rows(&turning_n, *along), patch);
@@ -456,21 +458,32 @@ impl<'a> Frame<'a> {
             fed_back(&fed(piece), &right)
         };
         // The left side of the one equation, and its slope, where that could be zero.
+        // Mostly it is enough to know what the others weigh at most, whatever is fed back; sharper where it is not.
+        let weights = fed_back(&others_transposed(&plain, cable), &(row + matrix_unit));
+        let open = |sum: Interval, own: f64, right: &dyn Fn(usize) -> f64| {
+            let room = weights.map_or(f64::INFINITY, |weights| weights.dot(&others(right)));
+            sum + Interval::symmetric((room + own) * UPWARDS)
+        };
         let value = |piece: &Piece| {
-            let right = others(&|i| apart[i] + piece.sum[i].magnitude());
-            let rooms = [fed_back(&plain, &right), bound(piece)];
-            let room =
-                rooms.into_iter().flatten().map(|y| row.dot(&y)).fold(f64::INFINITY, f64::min);
-            let own = 2.0 * unit * piece.force_n + per_newton * piece.left_n;
-            let room = room + apart[cable] + own;
-            piece.sum[cable] + Interval::symmetric(room * UPWARDS)
+            let own = apart[cable] + 2.0 * unit * piece.force_n + per_newton * piece.left_n;
+            let right = |i: usize| apart[i] + piece.sum[i].magnitude();
+            let rough = open(piece.sum[cable], own, &right);
+            if rough.mignitude() > 0.0 {
+                return rough;
+            }
+            let room = bound(piece).map_or(f64::INFINITY, |y| row.dot(&y));
+            piece.sum[cable] + Interval::symmetric((room + own) * UPWARDS)
         };
         let slope = |piece: &Piece| {
+            let own = unit * piece.slope_n;
+            let rough = open(piece.slope[cable], own, &|i| piece.slope[i].magnitude());
+            if rough.mignitude() > 0.0 {
+                return rough;
+            }
             let right = others(&|i| piece.swept_slope[i]);
             let room = fed_back(&fed(piece), &right)
                 .map_or(f64::INFINITY, |y| row.dot(&y) + matrix_unit.dot(&y));
-            let room = room + unit * piece.slope_n;
-            piece.slope[cable] + Interval::symmetric(room * UPWARDS)
+            piece.slope[cable] + Interval::symmetric((room + own) * UPWARDS)
         };
         let joint =
             |number: usize| self.joints.get(number.checked_sub(self.first_fine)?).map(value);
@@ -512,45 +525,47 @@ impl<'a> Frame<'a> {
             return None;
         }
 
-        let mut to: Option<[Interval; CABLES]> = None;
-        for piece in &self.pieces[first..=last] {
+        let to = self.pieces[first..=last].iter().try_fold(None, |all, piece| {
             let turned = fed(piece) * bound(piece)?;
-            let here = std::array::from_fn(|i| {
-                if i == cable {
-                    return Interval::zero();
-                }
-                let ratio = piece.ratio[i];
-                let room = turned[i] + rounding[i] + ratio.abs() * rounding[cable];
-                center[i] - piece.swept[i] + missed[i] - Interval::point(ratio) * missed[cable]
-                    + Interval::symmetric(room * UPWARDS)
-            });
-            to = Some(match to {
-                None => here,
-                Some(to) => std::array::from_fn(|i| to[i].hull(here[i])),
-            });
-        }
+            let here = self.after(piece, &turned, &missed, &rounding);
+            Some(Some(all.map_or(here, |all: [Interval; CABLES]| {
+                std::array::from_fn(|i| all[i].hull(here[i]))
+            })))
+        })?;
         Some(Stage { reach, columns, first, last, to: to? })
+    }
+
+    /// Where the five others are after a step, with the eliminated cable on a piece; from what the matrix turns there.
+    fn after(
+        &self,
+        piece: &Piece,
+        turned: &Vector6<f64>,
+        missed: &Vector6<Interval>,
+        rounding: &Vector6<f64>,
+    ) -> [Interval; CABLES] {
+        let cable = self.view.seed.eliminated;
+        std::array::from_fn(|i| {
+            if i == cable {
+                return Interval::zero();
+            }
+            let ratio = piece.ratio[i];
+            let room = turned[i] + rounding[i] + ratio.abs() * rounding[cable];
+            Interval::point(self.center[i]) - piece.swept[i] + missed[i]
+                - Interval::point(ratio) * missed[cable]
+                + Interval::symmetric(room * UPWARDS)
+        })
     }
 
     /// Bound of `|A M - I|`, column `e` zero, after row `e` times the factors was taken from the others.
     fn defect(&self, columns: &Columns, ratio: &Vector6<f64>) -> Matrix6<f64> {
         let cable = self.view.seed.eliminated;
-        let matrix = self.inverse.matrix - ratio * self.inverse.matrix.row(cable);
-        let mut defect = matrix * columns.middle;
-        for i in self.others() {
-            defect[(i, i)] -= 1.0;
+        let swept = |matrix: &Matrix6<f64>| matrix - ratio * matrix.row(cable);
+        let mut bound = swept(&columns.defect).abs();
+        bound += swept(&self.inverse.matrix).abs() * columns.radius;
+        for turned in columns.turned.iter().take(self.view.along.count()) {
+            bound += swept(turned).abs();
         }
-        // Seven roundings of a sum of six products, and those of the matrix.
-        let sizes = self.inverse.sizes + ratio.abs() * self.inverse.sizes.row(cable);
-        let rounding = columns.middle.abs() * (12.0 * f64::EPSILON);
-        let mut bound = defect.abs() + matrix.abs() * columns.radius + sizes * rounding;
-        let count = self.view.along.count();
-        for (turned, radius) in columns.turned.iter().zip(&columns.turned_radius).take(count) {
-            let swept = turned - ratio * turned.row(cable);
-            let sizes = turned.abs() + ratio.abs() * turned.row(cable).abs();
-            bound += swept.abs() + radius + ratio.abs() * radius.row(cable);
-            bound += sizes * (4.0 * f64::EPSILON);
-        }
+        bound += columns.blur + ratio.abs() * columns.blur.row(cable);
         bound * UPWARDS
     }
 
@@ -663,32 +678,50 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// The wrenches of the tangents of five cables over a patch; column `e` is zero.
+/// `A M - 1` over a patch, for the tangents of five cables; column `e` is zero.
 #[derive(Default)]
 struct Columns {
-    /// At the middle of the patch, by middle and radius.
-    middle: Matrix6<f64>,
+    /// At the middle of the patch, with the middles of the tangents.
+    defect: Matrix6<f64>,
+    /// Radii of the wrenches of the tangents there.
     radius: Matrix6<f64>,
-    /// How far each coordinate of the pose turns `A` times them at most, by middle and radius.
+    /// How far each coordinate of the pose turns it at most, by middle.
     turned: [Matrix6<f64>; COORDINATES],
-    turned_radius: [Matrix6<f64>; COORDINATES],
+    /// The radii of that, and all roundings, of what is made of a row and as much again of row `e`, too.
+    blur: Matrix6<f64>,
 }
 
 impl Columns {
     /// Sets a column at the middle of the patch.
-    fn set(&mut self, cable: usize, column: &Vector6<Interval>) {
-        self.middle.set_column(cable, &column.map(Interval::middle));
-        self.radius.set_column(cable, &column.map(Interval::radius));
+    fn set(&mut self, cable: usize, inverse: &Inverse, wrench_n: &Vector6<Interval>) {
+        let middle = wrench_n.map(Interval::middle);
+        let mut defect = inverse.matrix * middle;
+        defect[cable] -= 1.0;
+        self.defect.set_column(cable, &defect);
+        self.radius.set_column(cable, &wrench_n.map(Interval::radius));
+        // Ten roundings of a sum of six products that is about 1 or 0, and of the matrix.
+        let blur = inverse.sizes * middle.abs() * (16.0 * f64::EPSILON);
+        self.blur.set_column(cable, &blur);
     }
 
     /// Sets how `A` times it changes with each coordinate.
     fn turn(&mut self, cable: usize, rows: &ByPose, patch: &Patch) {
+        let mut blur = self.blur.column_mut(cable);
         for (k, row) in rows.iter().enumerate() {
             let aside = patch.aside(k).magnitude();
-            self.turned[k].set_column(cable, &(row.map(Interval::middle) * aside));
-            self.turned_radius[k].set_column(cable, &(row.map(Interval::radius) * aside));
+            let turned = row.map(Interval::middle) * aside;
+            blur += row.map(Interval::radius) * aside + turned.abs() * (4.0 * f64::EPSILON);
+            self.turned[k].set_column(cable, &turned);
         }
     }
+}
+
+/// The transpose of the rows and columns of the five others.
+fn others_transposed(matrix: &Matrix6<f64>, cable: usize) -> Matrix6<f64> {
+    let mut transposed = matrix.transpose();
+    transposed.fill_column(cable, 0.0);
+    transposed.fill_row(cable, 0.0);
+    transposed
 }
 
 /// A bound on all `e >= 0` with `e <= right + defect e`; `None` when that does not bound them.

@@ -1,8 +1,10 @@
 //! The best table of so many bytes: cells that cover little for what they take are left out.
 
-use cdpr_core::table::{Gap, Node};
+use std::collections::BTreeMap;
 
-use super::cells::Plan;
+use cdpr_core::table::{Gap, Node, SEED_WORDS};
+
+use super::cells::{Cell, Plan, Seed};
 
 /// Halvings of the price.
 const SEARCH: usize = 40;
@@ -12,18 +14,22 @@ const BEFORE: f64 = 0.5;
 /// The plan, or what remains of it when `fits` at last.
 ///
 /// Each part of it is kept when the share of the region that it covers is worth its words, at one price for a word,
-/// which is the lowest at which the table fits: so nearly the most is covered. What seeds take is not shared out.
+/// which is the lowest at which the table fits: so nearly the most is covered. The words of a seed are shared out among
+/// all cells of the plan that have it.
 pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
     if fits(&plan) {
         return plan;
     }
+    let mut uses = BTreeMap::new();
+    count(&plan, &mut uses);
+    let at_price = |price: f64| Market { price, uses: &uses }.kept(&plan, 1.0).0;
     // No cell covers more than all.
     let (mut low, mut high) = (0.0, 1.0);
-    let mut best = at_price(&plan, high, 1.0).0;
+    let mut best = at_price(high);
     for _ in 0..SEARCH {
         // From very little on.
         let price = if low > 0.0 { 0.5 * (low + high) } else { 0.125 * high };
-        let (pruned, _) = at_price(&plan, price, 1.0);
+        let pruned = at_price(price);
         if fits(&pruned) {
             (high, best) = (price, pruned);
         } else {
@@ -33,29 +39,49 @@ pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
     best
 }
 
-/// What is worth the price of its words of a plan for this share of the region, and what it is worth.
-fn at_price(plan: &Plan, price: f64, share: f64) -> (Plan, f64) {
-    let (kept, worth) = match plan {
-        Plan::Split { coordinate, halves } => {
-            let [(lower, a), (upper, b)] =
-                halves.each_ref().map(|half| at_price(half, price, 0.5 * share));
-            (Plan::of(usize::from(*coordinate), [lower, upper]), a + b - price)
-        }
-        Plan::Cell(_) => (plan.clone(), share - price),
-        Plan::Trim { plane, .. } => {
-            let (_, words) = Node::Trim { plane: *plane, inside: 0 }.encode();
-            (plan.clone(), BEFORE * share - (words as f64 + 1.0) * price)
-        }
-        Plan::Nothing(_) => (plan.clone(), -price),
-    };
-    if worth < -price { (Plan::Nothing(Gap::LeftOut), -price) } else { (kept, worth) }
+/// How many cells of a plan have each seed.
+fn count(plan: &Plan, uses: &mut BTreeMap<Seed, usize>) {
+    match plan {
+        Plan::Split { halves, .. } => halves.iter().for_each(|half| count(half, uses)),
+        Plan::Cell(cell) | Plan::Trim { cell, .. } => *uses.entry(cell.seed).or_default() += 1,
+        Plan::Nothing(_) => {}
+    }
+}
+
+/// What words cost.
+struct Market<'a> {
+    /// Of one word, as a share of the region.
+    price: f64,
+    uses: &'a BTreeMap<Seed, usize>,
+}
+
+impl Market<'_> {
+    /// What is worth the price of its words of a plan for this share of the region, and what it is worth.
+    fn kept(&self, plan: &Plan, share: f64) -> (Plan, f64) {
+        let price = self.price;
+        let cell_price = |cell: &Cell| {
+            let sharing = self.uses.get(&cell.seed).map_or(1.0, |uses| *uses as f64);
+            (1.0 + SEED_WORDS as f64 / sharing) * price
+        };
+        let (kept, worth) = match plan {
+            Plan::Split { coordinate, halves } => {
+                let [(lower, a), (upper, b)] =
+                    halves.each_ref().map(|half| self.kept(half, 0.5 * share));
+                (Plan::of(usize::from(*coordinate), [lower, upper]), a + b - price)
+            }
+            Plan::Cell(cell) => (plan.clone(), share - cell_price(cell)),
+            Plan::Trim { plane, cell } => {
+                let (_, words) = Node::Trim { plane: *plane, inside: 0 }.encode();
+                (plan.clone(), BEFORE * share - words as f64 * price - cell_price(cell))
+            }
+            Plan::Nothing(_) => (plan.clone(), -price),
+        };
+        if worth < -price { (Plan::Nothing(Gap::LeftOut), -price) } else { (kept, worth) }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use cdpr_core::table::SEED_WORDS;
-
-    use super::super::cells::Cell;
     use super::*;
 
     fn cell(seed: u16) -> Plan {

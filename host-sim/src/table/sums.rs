@@ -2,7 +2,7 @@
 //! [`proof`](super::proof) for what is made of it.
 
 use cdpr_core::CABLES;
-use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Start, root};
+use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Hung, Start, root};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
@@ -15,10 +15,12 @@ use super::proof::Prover;
 use crate::interval::Interval;
 
 /// Pieces of the curve of the eliminated cable: length of the first from the solution, in units of how well that is
-/// known; how they grow; and how far the root of the coordinate changes over one at most.
+/// known; how they grow; and how far the root of the coordinate changes over one at most. Far from the solution pieces
+/// are enclosed as they stand, so they are shorter.
 const FINEST: f64 = 0.5;
-const GROWTH: f64 = 1.3;
+const GROWTH: f64 = 1.6;
 const BEND: f64 = 0.08;
+const ROUGH_BEND: f64 = 0.02;
 /// Fine pieces on one side of the solution at most.
 const MOST_FINE: usize = 48;
 /// For the rounding of sums of non-negative bounds.
@@ -59,8 +61,8 @@ pub(super) struct Rough {
 }
 
 impl Rough {
-    fn of(chart: Interval, reach: &Reach) -> Self {
-        Self { chart, force_n: reach.force_n, by_chart_n: reach.by_chart_n }
+    fn at(chart: Interval, hung: &Hung<Interval>) -> Self {
+        Self { chart, force_n: hung.force_n, by_chart_n: hung.force_by_chart_n }
     }
 
     /// The whole bracket of a seed, from its taut end.
@@ -68,19 +70,19 @@ impl Rough {
         let (cable, [mut low, end]) = (seed.eliminated, seed.bracket);
         let mut pieces = Vec::with_capacity(64);
         while low < end {
-            let high = (low + longest(low)).min(end);
+            let high = (low + longest(low, ROUGH_BEND)).min(end);
             let chart = Interval::new(low, high);
-            pieces.push(Self::of(chart, &curves.reach_at_once(cable, &sights[cable], chart)?));
+            pieces.push(Self::at(chart, &curves.hung(cable, &sights[cable], chart)?));
             low = high;
         }
         Some(pieces)
     }
 }
 
-/// How long a piece may be at a coordinate.
-fn longest(chart: f64) -> f64 {
+/// How long a piece may be at a coordinate, over which the root changes so far.
+fn longest(chart: f64, bend: f64) -> f64 {
     let s = root(chart);
-    (0.5 / s + 2.0 * s * s) * BEND
+    (0.5 / s + 2.0 * s * s) * bend
 }
 
 /// A piece of the curve of the eliminated cable, for all poses of a patch.
@@ -191,22 +193,50 @@ impl<'a> Sums<'a> {
         Some(self.inverse.times(&(self.others_n + sight.wrench_n(&here.force_n))))
     }
 
-    /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle; and
-    /// how the sum changes with the pose there.
+    /// At a coordinate at which the sum is `exact` at the middle, by the mean value theorem over the pose; and how the
+    /// sum changes with that.
+    pub(super) fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Piece, ByPose)> {
+        let cable = self.view.seed.eliminated;
+        let sight = &self.view.sights[cable];
+        let chart = Interval::point(chart);
+        let hung = self.view.prover.curves.hung(cable, sight, chart)?;
+        let mut piece = self.rough(&Rough::at(chart, &hung));
+        let mut moving_n = self.by_pose_n;
+        sight.add_by_pose(&mut moving_n, &hung, self.view.along);
+        let rows = self.inverse.rows(&moving_n, self.view.along);
+        let swept = self.swept(exact, &piece.ratio);
+        self.narrow(&mut piece, exact, &swept, &rows)?;
+        Some((piece, rows))
+    }
+
+    /// Narrows the sums of a piece by those at the middle and how they change with the pose.
+    fn narrow(
+        &self,
+        piece: &mut Piece,
+        sum: &Vector6<Interval>,
+        swept: &Vector6<Interval>,
+        rows: &ByPose,
+    ) -> Option<()> {
+        let sum = sum + self.spread(rows, &Vector6::zeros());
+        let swept = swept + self.spread(rows, &piece.ratio);
+        for i in 0..CABLES {
+            piece.sum[i] = piece.sum[i].intersection(sum[i])?;
+            piece.swept[i] = piece.swept[i].intersection(swept[i])?;
+        }
+        Some(())
+    }
+
+    /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle.
     ///
     /// Along the curve it goes on from the middle, so with the slope there, not with that before a plane.
-    pub(super) fn fine(
-        &self,
-        exact: &Vector6<Interval>,
-        from: f64,
-        to: f64,
-    ) -> Option<(Piece, ByPose)> {
+    fn fine(&self, exact: &Vector6<Interval>, from: f64, to: f64) -> Option<Piece> {
         let cable = self.view.seed.eliminated;
         let (curves, sight) = (&self.view.prover.curves, &self.view.sights[cable]);
         let (here, none) = (&self.sights[cable], Vector6::zeros());
         let chart = Interval::new(from.min(to), from.max(to));
         let reach = curves.reach_at_once(cable, sight, chart)?;
-        let mut piece = self.rough(&Rough::of(chart, &reach));
+        let Reach { force_n, by_chart_n, .. } = reach;
+        let mut piece = self.rough(&Rough { chart, force_n, by_chart_n });
         // The slope.
         let mut turning_n = [Vector6::zeros(); COORDINATES];
         sight.add_moved(&mut turning_n, &reach.by_chart_n, &reach.turn_n, self.view.along);
@@ -225,14 +255,10 @@ impl<'a> Sums<'a> {
         sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, self.view.along);
         let rows = self.inverse.rows(&moving_n, self.view.along);
         let along = chart - Interval::point(from);
-        let sum = exact + slope.map(|c| c * along) + self.spread(&rows, &none);
-        let turned = slope_swept.map(|c| c * along);
-        let swept = self.swept(exact, &piece.ratio) + turned + self.spread(&rows, &piece.ratio);
-        for i in 0..CABLES {
-            piece.sum[i] = piece.sum[i].intersection(sum[i])?;
-            piece.swept[i] = piece.swept[i].intersection(swept[i])?;
-        }
-        Some((piece, rows))
+        let sum = exact + slope.map(|c| c * along);
+        let swept = self.swept(exact, &piece.ratio) + slope_swept.map(|c| c * along);
+        self.narrow(&mut piece, &sum, &swept, &rows)?;
+        Some(piece)
     }
 
     /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
@@ -248,14 +274,15 @@ impl<'a> Sums<'a> {
         let mut exact = self.exactly(at)?;
         let mut step = FINEST * known;
         for _ in 0..MOST_FINE {
-            step = (GROWTH * step).clamp(-longest(chart), longest(chart));
+            let longest = longest(chart, BEND);
+            step = (GROWTH * step).clamp(-longest, longest);
             let is_last = (end - chart).abs() <= step.abs();
             let next = if is_last { end } else { chart + step };
-            let (piece, _) = self.fine(&exact, chart, next)?;
+            let piece = self.fine(&exact, chart, next)?;
             let falls = piece.slope[cable].high() < 0.0;
             pieces.push(piece);
             exact = self.exactly(next)?;
-            let (joint, _) = self.fine(&exact, next, next)?;
+            let (joint, _) = self.joint(&exact, next)?;
             let sum = joint.sum[cable];
             let is_certain = sum.middle() * step.signum() > 2.0 * sum.radius();
             joints.push(joint);
