@@ -8,18 +8,16 @@ use super::outlook::by_pose;
 use super::place::{Point, PoseBox, dot};
 use super::proof::Prover;
 
-/// How far a fold is looked for from a pose, in sides of the box.
-const FAR: f64 = 1.0;
-/// Ways to it: the first part, and the last.
+/// The first part of a way, which is one side of the box where a fold is looked for; and what the last parts exceed, to
+/// a fold and to a place beside it.
 const FIRST: f64 = 0.25;
 const LAST: f64 = 1e-3;
+const LAST_BESIDE: f64 = 1.0 / 64.0;
 /// Newton steps of a part.
 const STEPS: usize = 8;
 
-/// How far back from the end others are looked for beside it.
+/// How far back from the end others are looked for beside it, in sides of the box.
 const BACK: f64 = 0.35;
-/// Parts of the way there at least.
-const SHORTEST: f64 = 1.0 / 32.0;
 /// The normal is turned no further than this to fit them.
 const MOST_TURN: f64 = 1.0;
 
@@ -47,11 +45,12 @@ impl Edge {
         let (normal, is_positive) = across(prover, part, at, charts)?;
         let search = Search { prover, part, at, charts, is_positive };
         let both = [normal, normal.map(|n| -n)].map(|way| search.towards(&way));
-        let (first, _) = both.into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let first = both.into_iter().flatten().min_by(|a, b| a.far.total_cmp(&b.far))?;
         // Once more, straight to it; and beside it.
-        let (End { at, normal }, _) = search.towards(&first.normal)?;
-        let beside = (0..8).filter_map(|corner| search.beside(&at, &normal, corner));
-        let ends: Vec<Point> = std::iter::once(at).chain(beside).collect();
+        let end = search.towards(&search.onwards(&first)?)?;
+        let normal = search.onwards(&end)?;
+        let beside = (0..8).filter_map(|corner| search.beside(&end.at, &normal, corner));
+        let ends: Vec<Point> = std::iter::once(end.at).chain(beside).collect();
         let normal = fitted(&ends, &normal);
         Some(Self { ends, normal })
     }
@@ -72,10 +71,12 @@ impl Edge {
     }
 }
 
-/// A place where the sheet ends, and the direction in which it does.
+/// A place where the sheet ends on a way, how far along that is, and the solution there.
 struct End {
+    way: Point,
     at: Point,
-    normal: Point,
+    far: f64,
+    charts: [f64; CABLES],
 }
 
 /// The normal of the plane through `ends` that is closest to all of them, near to `normal`: as it is turned in the
@@ -123,51 +124,48 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Where the sheet ends this way, and how far that is in sides of the box.
-    fn towards(&self, way: &Point) -> Option<(End, f64)> {
-        let Self { prover, part, at, charts, is_positive } = *self;
-        let from = part.local(at);
-        let (mut known, mut far, mut step) = (*charts, 0.0, FIRST);
-        while step > LAST {
-            let next = far + step;
-            if next > FAR {
-                return None;
-            }
-            let there = part.at(&along(&from, way, next));
-            match prover.nearby(&there, &known, is_positive, STEPS) {
-                Some(found) => (known, far) = (found, next),
+    /// How far the solution can be followed on a way from the pose, of places in the box by the share of the way, and
+    /// what it is there.
+    fn followed(&self, place: impl Fn(f64) -> Point, last: f64) -> (f64, [f64; CABLES]) {
+        let Self { prover, part, is_positive, .. } = *self;
+        let (mut done, mut known, mut step) = (0.0, *self.charts, FIRST);
+        // Every part is a power of two, so that they sum up to the whole way.
+        while done < 1.0 && step > last {
+            match prover.nearby(&part.at(&place(done + step)), &known, is_positive, STEPS) {
+                Some(found) => (known, done) = (found, done + step),
                 None => step *= 0.5,
             }
         }
-        let at = along(&from, way, far);
-        let (normal, _) = across(prover, part, &part.at(&at), &known)?;
-        let sign = dot(&normal, way).signum();
-        Some((End { at, normal: normal.map(|n| n * sign) }, far))
+        (done, known)
+    }
+
+    /// Where the sheet ends this way.
+    fn towards(&self, way: &Point) -> Option<End> {
+        let from = self.part.local(self.at);
+        let (far, charts) = self.followed(|far| along(&from, way, far), LAST);
+        (far < 1.0).then(|| End { way: *way, at: along(&from, way, far), far, charts })
+    }
+
+    /// The direction in which it ends there.
+    fn onwards(&self, end: &End) -> Option<Point> {
+        let (normal, _) = across(self.prover, self.part, &self.part.at(&end.at), &end.charts)?;
+        let sign = dot(&normal, &end.way).signum();
+        Some(normal.map(|n| n * sign))
     }
 
     /// Where it ends beside a place, nearer to a corner of the box.
     fn beside(&self, at: &Point, normal: &Point, corner: u8) -> Option<Point> {
-        let Self { prover, part, is_positive, .. } = *self;
         let mut aside = *at;
         for k in 0..3 {
             aside[k] = f64::from(corner >> k & 1);
         }
         let before = dot(normal, &aside) - dot(normal, at) + BACK;
         let start = along(&aside, normal, -before).map(|t| t.clamp(0.0, 1.0));
-        // The way there.
-        let from = part.local(self.at);
-        let (mut known, mut done, mut step) = (*self.charts, 0.0, FIRST);
-        while done < 1.0 {
-            let next = f64::min(done + step, 1.0);
-            let there: Point = std::array::from_fn(|k| from[k] + (start[k] - from[k]) * next);
-            match prover.nearby(&part.at(&there), &known, is_positive, STEPS) {
-                Some(found) => (known, done) = (found, next),
-                None if step > SHORTEST => step *= 0.5,
-                None => return None,
-            }
-        }
-        let search = Search { at: &part.at(&start), charts: &known, ..*self };
-        Some(search.towards(normal)?.0.at)
+        let from = self.part.local(self.at);
+        let there = |done: f64| std::array::from_fn(|k| from[k] + (start[k] - from[k]) * done);
+        let (done, charts) = self.followed(there, LAST_BESIDE);
+        let search = Search { at: &self.part.at(&start), charts: &charts, ..*self };
+        (done >= 1.0).then(|| search.towards(normal))?.map(|end| end.at)
     }
 }
 

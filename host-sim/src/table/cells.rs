@@ -186,9 +186,7 @@ struct Pieces<'a> {
 impl Pieces<'_> {
     /// A box in the middle of one of the pieces, no larger than the smallest ones.
     fn inside(&self, piece: &PoseBox) -> Option<PoseBox> {
-        let patch =
-            self.half.map_or(Some(Patch::whole(*piece)), |half| Patch::within(*piece, half));
-        let middle = patch?.middle;
+        let middle = Patch::of(*piece, self.half)?.middle;
         // Only three coordinates are halved where turns are hardly any.
         let share = 0.5_f64.powi(i32::from(self.halvings / 3) + 2);
         let side = |k: usize| share * self.part.extent(k);
@@ -249,7 +247,7 @@ impl Tiler<'_> {
         let left = self.effort.depth - depth;
         if PIECED.contains(&left) {
             let pieces = Pieces { part, half: None, halvings: left + PIECE_HALVINGS };
-            if let Some(cell) = self.pieced(&pieces, &given, || own.clone(), known) {
+            if let Some(cell) = self.pieced(&pieces, &given, &own, known) {
                 return Plan::Cell(cell);
             }
         }
@@ -322,13 +320,13 @@ impl Tiler<'_> {
             let plane = edge.plane(*room)?;
             let half = HalfSpace::of(part, plane).wider(&self.room());
             let middle = Patch::within(*part, &half)?.middle;
-            let own = || {
-                let charts = self.survey.follow(at, found, &middle)?.charts;
-                let outlook = Outlook::new(self.prover, part, &middle, &charts)?;
-                outlook.starts.first().map(written)
-            };
+            let outlook = self
+                .survey
+                .follow(at, found, &middle)
+                .and_then(|found| Outlook::new(self.prover, part, &middle, &found.charts));
+            let own = outlook.and_then(|outlook| outlook.starts.first().map(written));
             let pieces = Pieces { part, half: Some(&half), halvings: left + TRIM_HALVINGS };
-            let cell = self.pieced(&pieces, given, || own().into_iter().collect(), known)?;
+            let cell = self.pieced(&pieces, given, own.as_slice(), known)?;
             Some(Plan::Trim { plane, cell })
         })
     }
@@ -339,7 +337,7 @@ impl Tiler<'_> {
         &self,
         pieces: &Pieces,
         given: &[Seed],
-        own: impl FnOnce() -> Vec<Seed>,
+        own: &[Seed],
         known: &mut Vec<Seed>,
     ) -> Option<Cell> {
         let leads = |seed: &&Seed| self.leads_over(seed, pieces);
@@ -363,7 +361,7 @@ impl Tiler<'_> {
         if let Some(cell) = given.first().filter(leads).and_then(&mut prove) {
             return Some(cell);
         }
-        let cell = own().iter().filter(leads).find_map(&mut prove)?;
+        let cell = own.iter().filter(leads).find_map(&mut prove)?;
         // A seed that others have already makes a smaller table.
         let others = given.iter().skip(1).chain(known.iter().rev().take(KNOWN_SEEDS));
         let shared = others.filter(leads).take(SHARED_SEEDS).find_map(&mut prove);
@@ -425,7 +423,7 @@ impl Tiler<'_> {
             whole.low[k] -= room[k];
             whole.high[k] += room[k];
         }
-        match half.map_or(Some(Patch::whole(whole)), |half| Patch::within(whole, half)) {
+        match Patch::of(whole, half) {
             Some(patch) => self.prover.examine(&patch, start, self.effort.steps),
             None => Verdict::Proven { steps: 1 }, // for no pose at all
         }

@@ -132,10 +132,10 @@ fn walked(
     to: &Point,
     halvings: u8,
 ) -> Option<[f64; CABLES]> {
-    let middle: Point = std::array::from_fn(|k| 0.5 * (from[k] + to[k]));
     let low = std::array::from_fn(|k| from[k].min(to[k]));
     let high = std::array::from_fn(|k| from[k].max(to[k]));
     let part = PoseBox { low, high };
+    let middle = part.middle();
     let at_once = || {
         let (charts, _) =
             prover.settle(&prover.balance(&middle)?, start, usize::from(WAY_STEPS))?;
@@ -145,8 +145,7 @@ fn walked(
             let Verdict::Proven { steps } = prover.examine(&patch, seed, WAY_STEPS) else {
                 return None;
             };
-            let lead = |at: &Point| Some(prover.lead(&prover.balance(at)?, seed, steps)?.0);
-            is_same(start, &lead(from)?).then(|| lead(to))?
+            is_same(start, &prover.led(from, seed, steps)?).then(|| prover.led(to, seed, steps))?
         })
     };
     at_once().or_else(|| {
@@ -170,16 +169,12 @@ impl Placed {
 
     /// A pose of it.
     fn pose(&self) -> Option<Point> {
-        match &self.trim {
-            None => Some(self.part.middle()),
-            Some(half) => Some(Patch::within(self.part, half)?.middle),
-        }
+        Some(Patch::of(self.part, self.trim.as_ref())?.middle)
     }
 
     /// Its solution at a pose of it.
     fn solution(&self, prover: &Prover, at: &Point) -> Option<[f64; CABLES]> {
-        let balance = prover.balance(at)?;
-        Some(prover.lead(&balance, &started(&self.cell.seed)?, self.cell.steps)?.0)
+        prover.led(at, &started(&self.cell.seed)?, self.cell.steps)
     }
 
     /// A pose of the face that two cells share; `None` when they do not even touch, or along an edge only, or none was

@@ -75,6 +75,11 @@ impl Patch {
         Self { region, middle: region.middle(), cut: None }
     }
 
+    /// A box, or what of it is in a half-space; `None` when that is nothing.
+    pub(super) fn of(region: PoseBox, half: Option<&HalfSpace>) -> Option<Self> {
+        half.map_or(Some(Self::whole(region)), |half| Self::within(region, half))
+    }
+
     /// What of a box is in a half-space; `None` when that is nothing.
     pub(super) fn within(region: PoseBox, half: &HalfSpace) -> Option<Self> {
         let whole = Self::whole(region);

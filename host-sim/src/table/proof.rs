@@ -215,6 +215,11 @@ impl Prover {
         (is_of_sheet && is_near(&step, &reached, &center)).then_some((center, step))
     }
 
+    /// The solution at a pose that a seed leads to.
+    pub(super) fn led(&self, at: &Point, seed: &Start<f64>, steps: u8) -> Option<[f64; CABLES]> {
+        Some(self.lead(&self.balance(at)?, seed, steps)?.0)
+    }
+
     /// Examines a patch; `steps` is what the seed may take at most.
     pub(super) fn examine(&self, patch: &Patch, seed: &Start<f64>, steps: u8) -> Verdict {
         let Some(balance) = self.balance(&patch.middle) else { return Verdict::Refuted };
@@ -457,9 +462,9 @@ impl<'a> Frame<'a> {
             });
             fed_back(&fed(piece), &right)
         };
-        // The left side of the one equation, and its slope, where that could be zero.
-        // Mostly it is enough to know what the others weigh at most, whatever is fed back; sharper where it is not.
-        let weights = fed_back(&others_transposed(&plain, cable), &(row + matrix_unit));
+        // The left side of the one equation, and its slope, where that could be zero. Mostly it is enough to know what
+        // the others weigh in it at most, whatever the piece; where it is not, what is fed back on the piece is swept.
+        let weights = self.weights(&plain, &(row + matrix_unit));
         let open = |sum: Interval, own: f64, right: &dyn Fn(usize) -> f64| {
             let room = weights.map_or(f64::INFINITY, |weights| weights.dot(&others(right)));
             sum + Interval::symmetric((room + own) * UPWARDS)
@@ -525,14 +530,20 @@ impl<'a> Frame<'a> {
             return None;
         }
 
-        let to = self.pieces[first..=last].iter().try_fold(None, |all, piece| {
+        let mut to: Option<[Interval; CABLES]> = None;
+        for piece in &self.pieces[first..=last] {
             let turned = fed(piece) * bound(piece)?;
             let here = self.after(piece, &turned, &missed, &rounding);
-            Some(Some(all.map_or(here, |all: [Interval; CABLES]| {
-                std::array::from_fn(|i| all[i].hull(here[i]))
-            })))
-        })?;
+            to = Some(to.map_or(here, |to| std::array::from_fn(|i| to[i].hull(here[i]))));
+        }
         Some(Stage { reach, columns, first, last, to: to? })
+    }
+
+    /// What the five others weigh at most in a sum with these weights, when each feeds back through `defect`.
+    fn weights(&self, defect: &Matrix6<f64>, weights: &Vector6<f64>) -> Option<Vector6<f64>> {
+        let mut back = defect.transpose();
+        back.fill_column(self.view.seed.eliminated, 0.0);
+        fed_back(&back, weights)
     }
 
     /// Where the five others are after a step, with the eliminated cable on a piece; from what the matrix turns there.
@@ -714,14 +725,6 @@ impl Columns {
             self.turned[k].set_column(cable, &turned);
         }
     }
-}
-
-/// The transpose of the rows and columns of the five others.
-fn others_transposed(matrix: &Matrix6<f64>, cable: usize) -> Matrix6<f64> {
-    let mut transposed = matrix.transpose();
-    transposed.fill_column(cable, 0.0);
-    transposed.fill_row(cable, 0.0);
-    transposed
 }
 
 /// A bound on all `e >= 0` with `e <= right + defect e`; `None` when that does not bound them.
