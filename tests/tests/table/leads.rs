@@ -206,21 +206,22 @@ fn everywhere_it_leads_to_the_proven_solution_of_its_sheet() {
     // at its end. None of 2000 was.
     let at_most = cases / 1000;
     assert!(count.undecided <= at_most && count.lost <= at_most, "{count:?}");
-    // Cells go up to a millimetre from a fold; there the tracker's certificate in f32 refuses to start: 41 of 2000.
+    // Cells go close to a fold, where a cable is between taut and slack: the tracker's certificate in f32 refuses to
+    // start at 41 of 2000.
     assert!(count.uncertified <= cases / 40, "{count:?}");
 }
 
-/// Half a metre across a fold: cells go up to planes close before it.
+/// A metre across a fold: cells go up to planes close before it.
 #[test]
 fn trimmed_cells_lead_to_a_proven_solution_up_to_their_planes() {
     let level = 1e-6;
     let low = [2.0, 9.0, 1.0, -level, -level, -level];
-    let high = [2.5, 9.5, 1.5, level, level, level];
-    let bytes = built([2.1, 9.1, 1.2], low, high, 6);
+    let high = [3.0, 9.5, 1.5, level, level, level];
+    let bytes = built([2.1, 9.1, 1.2], low, high, 9);
     let (reader, table) = (Reader(&bytes), Table::open(&bytes).expect("a table"));
     let leaves = reader.leaves();
     let trimmed: Vec<&Leaf> = leaves.iter().filter(|leaf| leaf.plane.is_some()).collect();
-    assert!(!trimmed.is_empty(), "none of {} cells is trimmed", leaves.len());
+    assert!(trimmed.len() >= 3, "{} of {} cells are trimmed", trimmed.len(), leaves.len());
     let (robot, load) = crane::<f32>();
     let cases = random_tests(1500).cases;
     let [before, beyond, without] = (0..u64::from(cases))
