@@ -7,14 +7,14 @@
 //! The host's `cdpr table build` makes and proves all this; [`Table`] reads it where it lies, without a copy, at any
 //! alignment.
 //!
-//! # Format, version 4
+//! # Format, version 5
 //!
 //! Little-endian. Lengths in m, forces in N, masses in kg; `f32` is IEEE 754 single precision.
 //!
 //! | offset | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `CDPRSEED` |
-//! | 8 | `u16` | version, 4 |
+//! | 8 | `u16` | version, 5 |
 //! | 10 | `u8` | cable model: 1, the elastic catenary |
 //! | 11 | `u8` | Newton steps that are certified to suffice |
 //! | 12 | `u32` | bytes in all, with the checksum |
@@ -29,7 +29,7 @@
 //! | 320 | 11 `f32` | load: mass (kg), centre of mass (m, 3), gravity (m/s^2), force (N, 3), moment (N m, 3) |
 //! | 364 | 6 `f32` | longest rest lengths for which the sheet was wanted, m |
 //! | 388 | 2 bytes a word | tree, root first |
-//! | | 16 bytes a seed | a `u16`: bits 0 to 2 the eliminated cable (0 to 5), bit 3 set where the determinant is positive, bit 4 where a fold is at the slack end; then the bracket of its coordinate and the coordinates of the five others, in their order, of each number the upper half of an `f32` (see [`Start`], [`shortened`]) |
+//! | | 8 bytes a seed | see [`encoded`] |
 //! | last 4 | `u32` | CRC-32 (ISO-HDLC: that of zip and Ethernet) of all bytes before |
 //!
 //! The turn vector is [`Pose::turn_vector`]: the axis of the platform's turn times the sine of its angle.
@@ -37,13 +37,15 @@
 //! A node of the tree is a `u16`, and sometimes more. Its highest bits tell its kind:
 //!
 //! - 0, a split: bits 12 to 14 are the coordinate (0 to 5) in which the box is halved. The node of the lower half
-//!   follows; bits 0 to 11 are the number of words from this node to that of the upper half.
+//!   follows; bits 0 to 11 are the number of words from this node to that of the upper half, up to 4079.
+//! - The same with 4080 and more in bits 0 to 11: one half is not covered, bits 0 to 2 tell why, and the node of the other
+//!   follows, which is the upper one if bit 3 is set.
 //! - 0 with 6 or 7 in bits 12 to 14, a trim: what of the box is beyond a [`Plane`] is not covered, as the sheet ends
 //!   at a fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement.
 //!   In the next word are the components of its normal in the position, of five bits each in two's complement, the
 //!   first in the lowest; after a 7 those in the turn vector are in the word behind it, else they are zero.
 //! - 10, a cell: bits 0 to 13 are the index of its seed, which other cells may have as well.
-//! - 11, nothing: bits 0 to 7 tell why ([`Gap`]).
+//! - 11, nothing: bits 0 to 7 tell why ([`Gap::code`]).
 //!
 //! A number that does not fit into a split or a cell is in the next two words, lower half first, and its bits are zero
 //! in a split and one in a cell.
@@ -60,7 +62,7 @@ use crate::{CABLES, CableState, Load, Pose, Real, Robot};
 /// What a table begins with.
 pub const MAGIC: [u8; 8] = *b"CDPRSEED";
 /// The version of the format that is read and written.
-pub const VERSION: u16 = 4;
+pub const VERSION: u16 = 5;
 /// Tag of the elastic catenary, the only model of this version.
 pub const ELASTIC_CATENARY: u8 = 1;
 /// Part by which a parameter of the robot may differ from that of the table: two roundings to `f32`.
@@ -69,7 +71,7 @@ pub const LIKENESS: f64 = 1.0 / (1 << 22) as f64;
 pub const TOLERANCE: f64 = 1.0 / (1 << 10) as f64;
 /// Coordinates of a pose: position and turn vector.
 pub const COORDINATES: usize = 6;
-/// Splits and trims from the root to a cell at most.
+/// Splits, single halves and trims from the root to a cell at most.
 pub const MAX_DEPTH: usize = 120;
 /// Seeds at most.
 pub const MAX_SEEDS: u32 = 1 << 27;
@@ -111,15 +113,17 @@ pub mod offset {
 /// Bytes of a word of the tree, a seed and the checksum.
 pub const WORD_BYTES: usize = 2;
 /// See [`WORD_BYTES`].
-pub const SEED_BYTES: usize = 2 * SEED_WORDS;
-/// Words of a seed.
-pub const SEED_WORDS: usize = 8;
+pub const SEED_BYTES: usize = 8;
 /// See [`WORD_BYTES`].
 pub const CRC_BYTES: usize = 4;
 
 /// Bits of a split that tell where its upper half is, and of a cell that tell its seed.
 const SKIP: u16 = (1 << 12) - 1;
 const SEED: u16 = (1 << 14) - 1;
+/// From here on these bits of a split tell that one half is not covered: whether it is the lower one, and why.
+const ONE_HALF: u16 = 0xff0;
+const UPPER_HALF: u16 = 1 << 3;
+const WHY: u16 = UPPER_HALF - 1;
 /// A trim by its position only, and by its turn as well.
 const TRIM: u16 = 6 << 12;
 const TRIM_TURNED: u16 = 7 << 12;
@@ -282,6 +286,17 @@ pub enum Node {
         /// Place of the node of the upper half, behind all of the lower one.
         upper: usize,
     },
+    /// The box is halved in a coordinate, and one half is not covered.
+    Half {
+        /// 0 to 5.
+        coordinate: usize,
+        /// Whether the upper half is the other one.
+        is_upper: bool,
+        /// Place of its node.
+        inside: usize,
+        /// Why the rest is not covered: one of [`Gap::ALL`].
+        gap: Gap,
+    },
     /// A cell.
     Cell {
         /// Index of its seed.
@@ -351,11 +366,15 @@ impl Node {
             Self::Split { coordinate, lower, upper } => {
                 let word = (coordinate as u16) << 12;
                 let skip = upper.saturating_sub(lower).saturating_add(1);
-                if skip <= usize::from(SKIP) {
+                if skip < usize::from(ONE_HALF) {
                     short(word | skip as u16)
                 } else {
                     long(word, skip.saturating_add(2))
                 }
+            }
+            Self::Half { coordinate, is_upper, gap, .. } => {
+                let half = if is_upper { UPPER_HALF } else { 0 };
+                short((coordinate as u16) << 12 | ONE_HALF | half | gap.code() as u16 & WHY)
             }
             Self::Cell { seed } if seed < usize::from(SEED) => short(CELL | seed as u16),
             Self::Cell { seed } => long(CELL | SEED, seed),
@@ -369,14 +388,6 @@ impl Node {
             Self::Nothing(gap) => short(NOTHING | gap.code() as u16),
         }
     }
-}
-
-/// The nearest number whose lower 16 bits are zero, as an `f32`: what a seed is made of. Good to one part in 256,
-/// and Newton's method starts from anywhere near.
-#[must_use]
-pub fn shortened(chart: f32) -> f32 {
-    // Half a unit is added to the size; what is not finite is left to the reader of the table.
-    f32::from_bits(chart.to_bits().saturating_add(1 << 15) & !0xffff)
 }
 
 /// A table in flash: borrowed bytes that have been checked.
@@ -539,13 +550,14 @@ impl<'a> Table<'a> {
             match self.node(index).ok_or(TableFault::Malformed)? {
                 Node::Split { coordinate, lower, upper } => {
                     let along = t.get_mut(coordinate).ok_or(TableFault::Malformed)?;
-                    // Exact: doubling is, and so is taking one from a number between one and two.
-                    *along += *along;
-                    index = lower;
-                    if *along >= T::one() {
-                        *along -= T::one();
-                        index = upper;
+                    index = if in_upper_half(along) { upper } else { lower };
+                }
+                Node::Half { coordinate, is_upper, inside, gap } => {
+                    let along = t.get_mut(coordinate).ok_or(TableFault::Malformed)?;
+                    if in_upper_half(along) != is_upper {
+                        return Err(TableFault::Uncovered(gap));
                     }
+                    index = inside;
                 }
                 Node::Cell { seed } => {
                     let start = self.seed(seed).ok_or(TableFault::Malformed)?;
@@ -644,6 +656,12 @@ impl<'a> Table<'a> {
             (inside < self.words).then_some(Node::Trim { plane, inside })
         } else if first & CELL == 0 {
             let coordinate = usize::from(first >> 12);
+            if first & SKIP >= ONE_HALF {
+                let gap = Gap::of_code(u32::from(first & WHY));
+                let (is_upper, inside) = (first & UPPER_HALF != 0, index + 1);
+                let half = Node::Half { coordinate, is_upper, inside, gap };
+                return (inside < self.words).then_some(half);
+            }
             let (lower, skip) = match first & SKIP {
                 0 => (index + 3, long()?),
                 skip => (index + 1, usize::from(skip)),
@@ -669,45 +687,89 @@ impl<'a> Table<'a> {
         if index >= self.seeds {
             return None;
         }
-        let at = offset::TREE + WORD_BYTES * self.words + SEED_BYTES * index;
-        decoded(core::array::from_fn(|word| u16_at(self.bytes, at + 2 * word)))
+        decoded(bytes_at(self.bytes, offset::TREE + WORD_BYTES * self.words + SEED_BYTES * index))
     }
 }
 
-/// Bits of the first word of a seed, besides the eliminated cable.
-const IS_POSITIVE: u16 = 1 << 3;
-const FOLD_AT_SLACK_END: u16 = 1 << 4;
+/// Bits of the first byte of a seed, besides the eliminated cable.
+const IS_POSITIVE: u8 = 1 << 3;
+const FOLD_AT_SLACK_END: u8 = 1 << 4;
+/// Bit of the other bytes that tells that the coordinate is negative.
+const IS_NEGATIVE: u8 = 1 << 7;
+/// Coordinates are written as a part of their size and this, up to [`FARTHEST`].
+const NEAR: f32 = 0.25;
+/// The largest size of a coordinate that is written: 15,360 less [`NEAR`].
+const FARTHEST: u8 = IS_NEGATIVE - 1;
+/// Bits of an `f32` that a byte leaves out, after the three upper ones of its fraction; and those of 1.
+const LEFT_OUT: u32 = 20;
+const ONE: u32 = 1.0_f32.to_bits();
 
-/// A seed as it is written. The lower halves of its numbers are lost: see [`shortened`].
+/// Whether a place in a box, from 0 to 1, is in its upper half; the place in that half then.
+#[inline]
+fn in_upper_half<T: Real>(along: &mut T) -> bool {
+    // Exact: doubling is, and so is taking one from a number between one and two.
+    *along += *along;
+    let is_upper = *along >= T::one();
+    if is_upper {
+        *along -= T::one();
+    }
+    is_upper
+}
+
+/// A coordinate in a byte: bit 7 its sign, the others four bits of exponent and three of fraction, as an `f32` would have
+/// them, of its size in quarters plus one. `rounding` is added to what is left out.
+#[allow(clippy::cast_possible_truncation)] // below 128
+fn byte_of(chart: f32, rounding: u32) -> u8 {
+    let size = (chart.abs() / NEAR + 1.0).to_bits().saturating_sub(ONE);
+    let byte = (size.saturating_add(rounding) >> LEFT_OUT).min(u32::from(FARTHEST)) as u8;
+    if chart < 0.0 { byte | IS_NEGATIVE } else { byte }
+}
+
+#[inline]
+fn chart_of(byte: u8) -> f32 {
+    let size = f32::from_bits(ONE + (u32::from(byte & FARTHEST) << LEFT_OUT)) - 1.0;
+    if byte & IS_NEGATIVE == 0 { NEAR * size } else { -NEAR * size }
+}
+
+/// A seed as it is written.
+///
+/// Bits 0 to 2 of the first byte are the eliminated cable (0 to 5), bit 3 is set where the determinant is positive, bit 4
+/// where a fold is at the slack end (see [`Start`]). Then come the bracket of its coordinate and the coordinates of the
+/// five others, in their order, a byte each: bit 7 is set for negative ones; bits 0 to 6 are exponent (four) and fraction
+/// (three) of one plus four times the size, `2^exponent (1 + fraction/8)`. So coordinates, rounded to the nearest, are
+/// good to one part in 16 or to 1/64, which is enough, as Newton's method starts from anywhere near; brackets are made
+/// wider.
 #[must_use]
 #[allow(clippy::cast_possible_truncation)] // below eight
-pub fn encoded(seed: &Start<f32>) -> [u16; SEED_WORDS] {
-    let upper = |number: f32| (number.to_bits() >> 16) as u16;
-    let bit = |is_set: bool, bit: u16| if is_set { bit } else { 0 };
-    let kind = (seed.eliminated & 7) as u16
+pub fn encoded(seed: &Start<f32>) -> [u8; SEED_BYTES] {
+    const NEAREST: u32 = 1 << (LEFT_OUT - 1);
+    const UP: u32 = (1 << LEFT_OUT) - 1;
+    let bit = |is_set: bool, bit: u8| if is_set { bit } else { 0 };
+    let kind = (seed.eliminated & 7) as u8
         | bit(seed.is_positive, IS_POSITIVE)
         | bit(seed.fold_at_slack_end, FOLD_AT_SLACK_END);
-    let [low, high] = seed.bracket.map(upper);
-    let mut words = [kind, low, high, 0, 0, 0, 0, 0];
+    let [low, high] = seed.bracket;
+    let low = byte_of(low, if low < 0.0 { UP } else { 0 });
+    let high = byte_of(high, if high < 0.0 { 0 } else { UP });
+    let mut bytes = [kind, low, high, 0, 0, 0, 0, 0];
     let others = seed.charts.iter().enumerate().filter(|(i, _)| *i != seed.eliminated);
-    for (word, (_, chart)) in words.iter_mut().skip(3).zip(others) {
-        *word = upper(*chart);
+    for (byte, (_, chart)) in bytes.iter_mut().skip(3).zip(others) {
+        *byte = byte_of(*chart, NEAREST);
     }
-    words
+    bytes
 }
 
-/// The inverse of [`encoded`]; `None` when the words make no sense. The coordinate of the eliminated cable is between
+/// The inverse of [`encoded`]; `None` when the bytes make no sense. The coordinate of the eliminated cable is between
 /// those of the bracket.
 #[inline]
 #[must_use]
-pub fn decoded([kind, low, high, others @ ..]: [u16; SEED_WORDS]) -> Option<Start<f32>> {
-    let number = |upper: u16| f32::from_bits(u32::from(upper) << 16);
-    let (eliminated, bracket) = (usize::from(kind & 7), [number(low), number(high)]);
+pub fn decoded([kind, low, high, others @ ..]: [u8; SEED_BYTES]) -> Option<Start<f32>> {
+    let (eliminated, bracket) = (usize::from(kind & 7), [chart_of(low), chart_of(high)]);
     let is_sound = eliminated < CABLES && kind >> 5 == 0 && bracket[0] < bracket[1];
     let mut charts = [chart::between(bracket[0], bracket[1]); CABLES];
     let free = charts.iter_mut().enumerate().filter(|(i, _)| *i != eliminated);
-    for ((_, chart), word) in free.zip(others) {
-        *chart = number(word);
+    for ((_, chart), byte) in free.zip(others) {
+        *chart = chart_of(byte);
     }
     let is_positive = kind & IS_POSITIVE != 0;
     let fold_at_slack_end = kind & FOLD_AT_SLACK_END != 0;

@@ -299,6 +299,15 @@ struct Contents {
     uncovered: Vec<Uncovered>,
 }
 
+/// The lower and the upper half of a box: lower and upper ends of each.
+fn halves<const N: usize>(low: [f64; N], high: [f64; N], k: usize) -> [([f64; N], [f64; N]); 2] {
+    let middle = 0.5 * (low[k] + high[k]);
+    let (mut below, mut above) = (high, low);
+    below[k] = middle;
+    above[k] = middle;
+    [(low, below), (above, high)]
+}
+
 impl Inspect {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let bytes = read(&self.table)?;
@@ -312,13 +321,16 @@ impl Inspect {
             seen += 1;
             // In a tree no node is met twice.
             match table.node(index).filter(|_| seen <= table.words()) {
-                Some(Node::Split { coordinate: k, lower: first, upper: second }) => {
-                    let middle = 0.5 * (low[k] + high[k]);
-                    let (mut lower, mut upper) = (high, low);
-                    lower[k] = middle;
-                    upper[k] = middle;
-                    stack.push((second, upper, high));
-                    stack.push((first, low, lower));
+                Some(Node::Split { coordinate, lower, upper }) => {
+                    let [below, above] = halves(low, high, coordinate);
+                    stack.push((upper, above.0, above.1));
+                    stack.push((lower, below.0, below.1));
+                }
+                Some(Node::Half { coordinate, is_upper, inside, gap }) => {
+                    let [below, above] = halves(low, high, coordinate);
+                    let (in_it, not) = if is_upper { (above, below) } else { (below, above) };
+                    uncovered.push(Uncovered { low: not.0, high: not.1, reason: gap.to_string() });
+                    stack.push((inside, in_it.0, in_it.1));
                 }
                 Some(Node::Trim { inside, .. }) => {
                     let reason = cdpr_core::table::Gap::Fold.to_string();

@@ -9,7 +9,7 @@
 //! over both. So it is, too, over the parts of a cell.
 
 use cdpr_core::chart::Start;
-use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_WORDS, decoded, encoded, shortened};
+use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_BYTES, decoded, encoded};
 use serde::{Deserialize, Serialize};
 
 use super::border::Edge;
@@ -33,18 +33,19 @@ const MOST_TURN: f64 = 0.5;
 const MOST_DEFECT: f64 = 0.3;
 /// A box for which none is tried gives its parts a seed to share if it turns less than this.
 const DEFECT_OF_SEEDS: f64 = 0.9;
-/// Where so many halvings are left a box is proven part by part, with halvings beyond those of the smallest cells.
-const PIECED: [u8; 5] = [12, 9, 6, 3, 0];
-const PIECE_HALVINGS: u8 = 6;
+/// Where so many halvings are left a box is proven part by part, with so many halvings beyond those of the smallest cells.
+const PIECED: [(u8, u8); 5] = [(12, 6), (9, 6), (6, 6), (3, 6), (0, 6)];
 /// Where so many are left it is trimmed, so far before the fold, in sides of the box; halvings as well.
 const ROOMS: [(u8, &[f64]); 3] = [(9, &[0.02]), (6, &[0.02]), (3, &[0.02, 0.08, 0.2])];
 const TRIM_HALVINGS: u8 = 6;
 /// Poses at which a seed is to lead to a solution before it is tried for a box part by part, besides its corners.
 const POSES_LED: usize = 64;
-/// Seeds of others that are tried in place of one that is proven part by part.
-const SHARED_SEEDS: usize = 3;
-/// Where a length is beyond its limit by this factor, nothing is tried.
-const FAR_BEYOND: f64 = 1.1;
+/// Seeds of others that are tried before one of its own, where a box is proven part by part.
+const SHARED_SEEDS: usize = 1;
+/// Spots at which a proof part by part failed that are tried first with another seed, or in a part of the box.
+const HARD_SPOTS: usize = 3;
+/// Where so few halvings are left a box is not halved for what of it may be within the limits.
+const LAST_BEYOND: u8 = 9;
 /// Rounding of a pose's place in the region, in f32, as a part of its extent; and of its turn vector.
 const PLACE_ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 const TURN_ROUNDING: f64 = 2e-6;
@@ -74,7 +75,7 @@ pub enum Plan {
 }
 
 /// A seed, as it is written.
-pub(super) type Seed = [u16; SEED_WORDS];
+pub(super) type Seed = [u8; SEED_BYTES];
 
 /// A proven cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -86,14 +87,14 @@ pub struct Cell {
 }
 
 /// What a seed says.
-pub(super) fn started(seed: &Seed) -> Option<Start<f64>> {
-    Some(decoded(*seed)?.map(f64::from))
+pub(super) fn started(seed: Seed) -> Option<Start<f64>> {
+    Some(decoded(seed)?.map(f64::from))
 }
 
 /// The seed of a start.
 #[allow(clippy::cast_possible_truncation)] // that is what is stored
 fn written(start: &Start<f64>) -> Seed {
-    encoded(&start.map(|number| shortened(number as f32)))
+    encoded(&start.map(|number| number as f32))
 }
 
 /// How cells are made.
@@ -146,6 +147,15 @@ impl Plan {
                 let coordinate = coordinate as u8;
                 Self::Split { coordinate, halves: Box::new(halves) }
             }
+        }
+    }
+
+    /// Which of two halves is the only one that is covered at all, if that is so, and why the other is not.
+    pub(super) fn one_half(halves: &[Self; 2]) -> Option<(usize, Gap)> {
+        match halves {
+            [Self::Nothing(gap), _] if Gap::ALL.contains(gap) => Some((1, *gap)),
+            [_, Self::Nothing(gap)] if Gap::ALL.contains(gap) => Some((0, *gap)),
+            _ => None,
         }
     }
 
@@ -205,6 +215,15 @@ fn corners(part: &PoseBox) -> impl Iterator<Item = Point> {
     })
 }
 
+/// What was learnt in other boxes of a tile.
+#[derive(Default)]
+struct Memory {
+    /// Seeds of cells.
+    seeds: Vec<Seed>,
+    /// Spots at which a proof part by part failed.
+    hard: Vec<PoseBox>,
+}
+
 pub(super) struct Tiler<'a> {
     pub(super) prover: &'a Prover,
     pub(super) survey: &'a Survey<'a>,
@@ -215,43 +234,43 @@ pub(super) struct Tiler<'a> {
 impl Tiler<'_> {
     /// Covers a tile as far as that goes.
     pub(super) fn cover(&self, tile: &PoseBox) -> Plan {
-        self.part(tile, 0, &[], &mut Vec::new())
+        self.part(tile, 0, &[], &mut Memory::default())
     }
 
     /// Covers a box, with one of the seeds that larger boxes had, or of its own, or one of those that did for others.
-    fn part(&self, part: &PoseBox, depth: u8, given: &[Seed], known: &mut Vec<Seed>) -> Plan {
+    fn part(&self, part: &PoseBox, depth: u8, given: &[Seed], memory: &mut Memory) -> Plan {
         if !self.survey.is_near(part) {
             return Plan::Nothing(Gap::NoSolution);
         }
         let Some((at, found)) = self.found(part) else {
-            return self.halved(part, depth, given, None, Gap::NoSolution, known);
+            return self.halved(part, depth, given, None, Gap::NoSolution, memory);
         };
-        if found.length_share > FAR_BEYOND {
-            return self.halved(part, depth, given, None, Gap::BeyondLimits, known);
+        if found.length_share > 1.0 && !self.is_within(part) {
+            return self.halved(part, depth, given, None, Gap::BeyondLimits, memory);
         }
         let Some(outlook) = Outlook::new(self.prover, part, &at, &found.charts) else {
-            return self.halved(part, depth, given, None, Gap::SingularCable, known);
+            return self.halved(part, depth, given, None, Gap::SingularCable, memory);
         };
-        let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(s, &at)).collect();
+        let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(*s, &at)).collect();
         let own: Vec<Seed> = outlook.starts.iter().map(written).collect();
         let bends = outlook.turns.iter().skip(BENDING).any(|turn| *turn > MOST_TURN);
         let at_once = if bends || outlook.defect > MOST_DEFECT {
             Err((Some(outlook.widest), Gap::Unproven))
         } else {
-            self.cell(part, &at, &given, &own, known)
+            self.cell(part, &at, &given, &own, memory)
         };
         let (split, gap) = match at_once {
             Ok(cell) => return Plan::Cell(cell),
             Err(why) => why,
         };
         let left = self.effort.depth - depth;
-        if PIECED.contains(&left) {
-            let pieces = Pieces { part, half: None, halvings: left + PIECE_HALVINGS };
-            if let Some(cell) = self.pieced(&pieces, &given, &own, known) {
+        if let Some((_, more)) = PIECED.iter().find(|(at, _)| *at == left) {
+            let pieces = Pieces { part, half: None, halvings: left + more };
+            if let Some(cell) = self.pieced(&pieces, &given, &own, memory) {
                 return Plan::Cell(cell);
             }
         }
-        if let Some(trimmed) = self.trimmed(part, left, (&at, &found), &given, known) {
+        if let Some(trimmed) = self.trimmed(part, left, (&at, &found), &given, memory) {
             return trimmed;
         }
         if outlook.defect < DEFECT_OF_SEEDS {
@@ -260,7 +279,7 @@ impl Tiler<'_> {
                 given.remove(1);
             }
         }
-        self.halved(part, depth, &given, split, gap, known)
+        self.halved(part, depth, &given, split, gap, memory)
     }
 
     /// Covers all of a box, with a seed that it was given, or one of its own or another that does as well; the reason
@@ -271,20 +290,20 @@ impl Tiler<'_> {
         at: &Point,
         given: &[Seed],
         own: &[Seed],
-        known: &mut Vec<Seed>,
+        memory: &mut Memory,
     ) -> Result<Cell, (Option<usize>, Gap)> {
-        let leads = |seed: &&Seed| corners(part).all(|at| self.leads(seed, &at));
-        let leading = given.iter().filter(leads);
-        let why = match self.first(part, leading) {
+        let leads = |seed: &&Seed| corners(part).all(|at| self.leads(**seed, &at));
+        let mut leading = given.iter().filter(leads);
+        let why = match self.first(part, leading.next()) {
             Ok(cell) => return Ok(cell),
             Err(why) => why,
         };
         let cell = self.first(part, own).map_err(|next| (next.0.or(why.0), next.1))?;
         // A seed that others have already makes a smaller table.
-        let is_like = |other: &&Seed| other[0] == cell.seed[0] && self.leads(other, at);
-        let others = known.iter().rev().filter(is_like).take(KNOWN_SEEDS);
-        Ok(self.first(part, others).unwrap_or_else(|_| {
-            known.push(cell.seed);
+        let is_like = |other: &&Seed| other[0] == cell.seed[0] && self.leads(**other, at);
+        let others = memory.seeds.iter().rev().filter(is_like).take(KNOWN_SEEDS);
+        Ok(self.first(part, leading.chain(others)).unwrap_or_else(|_| {
+            memory.seeds.push(cell.seed);
             cell
         }))
     }
@@ -297,7 +316,7 @@ impl Tiler<'_> {
     ) -> Result<Cell, (Option<usize>, Gap)> {
         let mut why = (None, Gap::TooManySteps);
         for seed in seeds {
-            match self.examine(part, seed) {
+            match self.examine(part, *seed) {
                 Ok(cell) => return Ok(cell),
                 Err(next) => why = (next.0.or(why.0), next.1),
             }
@@ -312,7 +331,7 @@ impl Tiler<'_> {
         left: u8,
         (at, found): (&Point, &Found),
         given: &[Seed],
-        known: &mut Vec<Seed>,
+        memory: &mut Memory,
     ) -> Option<Plan> {
         let (_, rooms) = ROOMS.iter().find(|(at, _)| *at == left)?;
         let edge = Edge::find(self.prover, part, at, &found.charts)?;
@@ -326,49 +345,49 @@ impl Tiler<'_> {
                 .and_then(|found| Outlook::new(self.prover, part, &middle, &found.charts));
             let own = outlook.and_then(|outlook| outlook.starts.first().map(written));
             let pieces = Pieces { part, half: Some(&half), halvings: left + TRIM_HALVINGS };
-            let cell = self.pieced(&pieces, given, own.as_slice(), known)?;
+            let cell = self.pieced(&pieces, given, own.as_slice(), memory)?;
             Some(Plan::Trim { plane, cell })
         })
     }
 
-    /// Covers all of some pieces with one seed: the oldest that the box was given, or one of its own or another that
-    /// does as well.
+    /// Covers all of some pieces with one seed: the oldest that the box was given, another that does as well and makes a
+    /// smaller table, or one of its own. Where one fails is remembered.
     fn pieced(
         &self,
         pieces: &Pieces,
         given: &[Seed],
         own: &[Seed],
-        known: &mut Vec<Seed>,
+        memory: &mut Memory,
     ) -> Option<Cell> {
-        let leads = |seed: &&Seed| self.leads_over(seed, pieces);
-        let mut hardest = None;
+        let Memory { seeds: known, hard } = memory;
+        let leads = |seed: &&Seed| self.leads_over(**seed, pieces);
         let mut prove = |seed: &Seed| {
-            let start = started(seed)?;
+            let start = started(*seed)?;
             // Where one seed failed another mostly does.
-            if let Some(hardest) = &hardest
-                && !matches!(self.verdict(hardest, pieces.half, &start), Verdict::Proven { .. })
-            {
+            let is_proven = |spot: &PoseBox| {
+                matches!(self.verdict(spot, pieces.half, &start), Verdict::Proven { .. })
+            };
+            let spots = hard.iter().rev().filter(|spot| pieces.part.contains(&spot.middle()));
+            if !spots.take(HARD_SPOTS).all(is_proven) {
                 return None;
             }
             match self.prove_pieces(pieces.part, pieces, &start, pieces.halvings) {
                 Ok(steps) => Some(Cell { seed: *seed, steps }),
                 Err(piece) => {
-                    hardest = pieces.inside(&piece);
+                    hard.extend(pieces.inside(&piece));
                     None
                 }
             }
         };
-        if let Some(cell) = given.first().filter(leads).and_then(&mut prove) {
+        let others = given.iter().skip(1).chain(known.iter().rev().take(KNOWN_SEEDS));
+        let shared = given.first().into_iter().filter(leads);
+        let mut shared = shared.chain(others.filter(leads).take(SHARED_SEEDS));
+        if let Some(cell) = shared.find_map(&mut prove) {
             return Some(cell);
         }
-        let cell = own.iter().filter(leads).find_map(&mut prove)?;
-        // A seed that others have already makes a smaller table.
-        let others = given.iter().skip(1).chain(known.iter().rev().take(KNOWN_SEEDS));
-        let shared = others.filter(leads).take(SHARED_SEEDS).find_map(&mut prove);
-        Some(shared.unwrap_or_else(|| {
-            known.push(cell.seed);
-            cell
-        }))
+        let cell = own.iter().filter(leads).find_map(prove)?;
+        known.push(cell.seed);
+        Some(cell)
     }
 
     /// The steps that a seed takes for the pieces in a part of their box; the piece for which that is not proven.
@@ -396,14 +415,20 @@ impl Tiler<'_> {
     }
 
     /// Whether a seed leads to solutions at the corners of some pieces and all over them.
-    fn leads_over(&self, seed: &Seed, pieces: &Pieces) -> bool {
+    fn leads_over(&self, seed: Seed, pieces: &Pieces) -> bool {
         let Pieces { part, half, .. } = pieces;
         let all = corners(part).chain((0..POSES_LED).map(|n| part.at(&spread(n))));
         all.filter(|at| half.is_none_or(|half| half.contains(at))).all(|at| self.leads(seed, &at))
     }
 
+    /// Whether the sheet is found within its limits anywhere in a box.
+    fn is_within(&self, part: &PoseBox) -> bool {
+        let mut poses = (0..POSES_LED).map(|n| part.at(&spread(n)));
+        poses.any(|at| self.survey.solution(&at).is_some_and(|found| found.length_share <= 1.0))
+    }
+
     /// Whether a seed leads to a solution at a pose, as far as floats tell.
-    fn leads(&self, seed: &Seed, at: &Point) -> bool {
+    fn leads(&self, seed: Seed, at: &Point) -> bool {
         started(seed).is_some_and(|start| self.prover.leads(at, &start, self.effort.steps))
     }
 
@@ -437,20 +462,22 @@ impl Tiler<'_> {
         given: &[Seed],
         split: Option<usize>,
         gap: Gap,
-        known: &mut Vec<Seed>,
+        memory: &mut Memory,
     ) -> Plan {
-        if depth >= self.effort.depth {
+        // What is within its limits of a box without a pose that is found to be so is hardly worth its words.
+        let is_last = gap == Gap::BeyondLimits && self.effort.depth - depth <= LAST_BEYOND;
+        if depth >= self.effort.depth || is_last {
             return Plan::Nothing(gap);
         }
         let split = split.unwrap_or_else(|| self.longest(part));
-        Plan::of(split, part.halves(split).map(|half| self.part(&half, depth + 1, given, known)))
+        Plan::of(split, part.halves(split).map(|half| self.part(&half, depth + 1, given, memory)))
     }
 
     /// The proof of a box.
-    fn examine(&self, part: &PoseBox, seed: &Seed) -> Result<Cell, (Option<usize>, Gap)> {
+    fn examine(&self, part: &PoseBox, seed: Seed) -> Result<Cell, (Option<usize>, Gap)> {
         let start = started(seed).ok_or((None, Gap::Other))?;
         match self.verdict(part, None, &start) {
-            Verdict::Proven { steps } => Ok(Cell { seed: *seed, steps }),
+            Verdict::Proven { steps } => Ok(Cell { seed, steps }),
             Verdict::Refuted => Err((None, Gap::TooManySteps)),
             Verdict::Open { split, gap } => Err((Some(split), gap)),
         }

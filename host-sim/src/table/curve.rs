@@ -17,6 +17,11 @@ const STRAIN_STEPS: usize = 1;
 const WIDE: f64 = 0.03;
 const PART: f64 = 0.08;
 const MOST_PARTS: f64 = 16.0;
+/// Stretches in which a curve is followed: the root changes by this part over each, and so many at most.
+const STRETCH: f64 = 0.04;
+const MOST_STRETCHES: usize = 64;
+/// Many times the rounding of a number, as a part of it.
+const ROUNDING: f64 = 1e-12;
 /// Narrower ranges are as good as points.
 const LEAST_RADIUS: f64 = 1e-9;
 
@@ -50,6 +55,47 @@ impl Reach {
     }
 }
 
+/// Where the curve of a cable is heading over a range, seen along a direction: its tangent is that plus the slant
+/// times the direction across, as often as the rate.
+pub(super) struct Heading {
+    direction: Vector2<f64>,
+    pub(super) rate_n: Interval,
+    pub(super) slant: Interval,
+    /// How direction and slant change with the end of the cable in `x` and in `z`, per metre.
+    pub(super) turn: [Vector2<Interval>; 2],
+}
+
+impl Heading {
+    /// `None` where it may turn back.
+    pub(super) fn new(reach: &Reach, direction: &Vector2<f64>) -> Option<Self> {
+        let direction = *direction;
+        let (rate_n, aside_n) = seen(&reach.by_chart_n, &direction);
+        let is_on = rate_n.low() > 0.0; // false for NaN
+        if !is_on {
+            return None;
+        }
+        let slant = aside_n / rate_n;
+        let turn = reach.turn_n.map(|turn_n| {
+            let (along, aside) = seen(&turn_n, &direction);
+            let by_end = (aside - slant * along) / rate_n;
+            Vector2::new(-direction.y, direction.x).map(|c| by_end * Interval::point(c))
+        });
+        Some(Self { direction, rate_n, slant, turn })
+    }
+
+    /// The direction with a slant.
+    pub(super) fn vector(&self, slant: Interval) -> Vector2<Interval> {
+        let along = self.direction.map(Interval::point);
+        along + Vector2::new(-along.y, along.x) * slant
+    }
+}
+
+/// What a vector is along a direction, and across it.
+fn seen(v: &Vector2<Interval>, direction: &Vector2<f64>) -> (Interval, Interval) {
+    let [x, z] = [direction.x, direction.y].map(Interval::point);
+    (v.x * x + v.y * z, v.y * x - v.x * z)
+}
+
 impl Curves {
     pub(super) fn new(robot: &Robot<f64, Model>) -> Self {
         let models = std::array::from_fn(|i| {
@@ -68,18 +114,9 @@ impl Curves {
         if whole.as_ref().is_some_and(|reach| is_known(chart, &reach.bend_n, &reach.by_chart_n)) {
             return whole;
         }
-        // So many that the root hardly changes over each.
-        let (least, most) = (root(chart.high()), root(chart.low()));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
-        let parts = ((most / least).ln() / PART).ceil().clamp(2.0, MOST_PARTS) as u32;
         let mut all: Option<Reach> = None;
-        for part in 0..parts {
-            let at = |k: u32| {
-                let share = f64::from(k) / f64::from(parts);
-                chart.low() + (chart.high() - chart.low()) * share
-            };
-            let high = if part + 1 == parts { chart.high() } else { at(part + 1) };
-            let reach = self.reach_at_once(i, sight, Interval::new(at(part), high))?;
+        for part in parts(chart) {
+            let reach = self.reach_at_once(i, sight, part)?;
             all = Some(match all {
                 None => reach,
                 Some(all) => all.hull(&reach),
@@ -88,18 +125,64 @@ impl Curves {
         all
     }
 
-    /// The first derivative only, over a range for which a bound on the second is known; as well as [`Self::reach`].
-    pub(super) fn tangent(
+    /// The slant of a cable over a range of its coordinate.
+    pub(super) fn slant(
         &self,
         i: usize,
         sight: &Sight,
         chart: Interval,
-        bend_n: &Vector2<Interval>,
-    ) -> Option<Vector2<Interval>> {
-        match self.slope(i, sight, chart, bend_n) {
-            Some(by_chart_n) if is_known(chart, bend_n, &by_chart_n) => Some(by_chart_n),
-            _ => Some(self.reach(i, sight, chart)?.by_chart_n),
+        direction: &Vector2<f64>,
+    ) -> Option<Interval> {
+        let at = |chart: f64| {
+            let hung = self.hung(i, sight, Interval::point(chart))?;
+            let (rate_n, aside_n) = seen(&hung.force_by_chart_n, direction);
+            Some(aside_n / rate_n)
+        };
+        if chart.radius() <= LEAST_RADIUS {
+            let heading = Heading::new(&self.reach_at_once(i, sight, chart)?, direction)?;
+            return Some(heading.slant);
         }
+        let mut all: Option<Interval> = None;
+        for part in parts(chart) {
+            let reach = self.reach_at_once(i, sight, part)?;
+            let heading = Heading::new(&reach, direction)?;
+            // By the mean value theorem: all along the curve its parts change together.
+            let (along, aside) = seen(&reach.bend_n, direction);
+            let by_chart = (aside - heading.slant * along) / heading.rate_n;
+            let near = at(part.middle())? + by_chart * Interval::symmetric(part.radius());
+            let slant = heading.slant.intersection(near)?;
+            all = Some(all.map_or(slant, |all| all.hull(slant)));
+        }
+        all
+    }
+
+    /// A coordinate that is past all at which the force has changed by so much along a direction, from a coordinate on.
+    pub(super) fn reached(
+        &self,
+        i: usize,
+        sight: &Sight,
+        from: f64,
+        along_n: f64,
+        direction: &Vector2<f64>,
+    ) -> Option<f64> {
+        let (mut chart, mut left_n, way) = (from, along_n.abs(), along_n.signum());
+        for _ in 0..MOST_STRETCHES {
+            let next = chart + way * stretch(chart, STRETCH);
+            let over = Interval::new(chart.min(next), chart.max(next));
+            let (rate_n, _) = seen(&self.hung(i, sight, over)?.force_by_chart_n, direction);
+            let known_n = rate_n.low() * (next - chart).abs() * (1.0 - ROUNDING);
+            let is_on = known_n > 0.0; // false for NaN
+            if !is_on {
+                return None;
+            }
+            if known_n >= left_n {
+                let last = left_n / rate_n.low() + chart.abs() * ROUNDING;
+                return Some(chart + way * last * (1.0 + ROUNDING));
+            }
+            left_n -= known_n;
+            chart = next;
+        }
+        None
     }
 
     /// One cable over a range of its coordinate, with the second derivative.
@@ -179,6 +262,24 @@ impl Curves {
         }
         Some((root, strain, at(strain)))
     }
+}
+
+/// How long a range is at a coordinate over which the root changes by this part.
+pub(super) fn stretch(chart: f64, change: f64) -> f64 {
+    let s = root(chart);
+    (0.5 / s + 2.0 * s * s) * change
+}
+
+/// A range in parts, over each of which the root hardly changes.
+fn parts(chart: Interval) -> impl Iterator<Item = Interval> {
+    let (least, most) = (root(chart.high()), root(chart.low()));
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+    let parts = ((most / least).ln() / PART).ceil().clamp(1.0, MOST_PARTS) as u32;
+    let at = move |k: u32| {
+        let share = f64::from(k) / f64::from(parts);
+        if k == parts { chart.high() } else { chart.low() + (chart.high() - chart.low()) * share }
+    };
+    (0..parts).map(move |part| Interval::new(at(part), at(part + 1)))
 }
 
 /// Whether the change of the slope over a range is known well.

@@ -71,7 +71,7 @@ pub(super) fn write(
     floats(&header.limits_m);
     debug_assert_eq!(bytes.len(), offset::TREE);
     bytes.extend(tree.iter().flat_map(|word| word.to_le_bytes()));
-    bytes.extend(body.seeds.iter().flatten().flat_map(|word| word.to_le_bytes()));
+    bytes.extend(body.seeds.iter().flatten());
     bytes.extend(checksum(&bytes).to_le_bytes());
     Ok(bytes)
 }
@@ -88,8 +88,12 @@ impl Body {
     fn tree(&mut self, plan: &Plan) -> Vec<u16> {
         match plan {
             Plan::Split { coordinate, halves } => {
-                let [lower, upper] = halves.each_ref().map(|half| self.tree(half));
                 let coordinate = usize::from(*coordinate);
+                if let Some((k, gap)) = Plan::one_half(halves) {
+                    let half = Node::Half { coordinate, is_upper: k == 1, inside: 0, gap };
+                    return [words(half), self.tree(&halves[k])].concat();
+                }
+                let [lower, upper] = halves.each_ref().map(|half| self.tree(half));
                 let node = Node::Split { coordinate, lower: 0, upper: lower.len() };
                 [words(node), lower, upper].concat()
             }

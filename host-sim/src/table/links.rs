@@ -174,7 +174,7 @@ impl Placed {
 
     /// Its solution at a pose of it.
     fn solution(&self, prover: &Prover, at: &Point) -> Option<[f64; CABLES]> {
-        prover.led(at, &started(&self.cell.seed)?, self.cell.steps)
+        prover.led(at, &started(self.cell.seed)?, self.cell.steps)
     }
 
     /// A pose of the face that two cells share; `None` when they do not even touch, or along an edge only, or none was

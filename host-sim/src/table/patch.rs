@@ -54,15 +54,22 @@ pub(super) struct Patch {
     pub(super) region: PoseBox,
     /// A pose of the box, about in the middle of the patch.
     pub(super) middle: Point,
+    /// How far from the middle a coordinate may be.
+    aside: [Interval; COORDINATES],
     cut: Option<Cut>,
 }
 
-/// Poses `P` with `normal . P` in a range.
+/// Poses `P` with `normal . (P - middle)` in a range.
 #[derive(Clone, Copy, Debug)]
 struct Cut {
     normal: Point,
     range: Interval,
+    /// The product of the normal with itself, in units of the sides of the box.
+    square: f64,
 }
+
+/// Roundings of sums of a dozen products, in units of the sum of their sizes.
+const ROUNDINGS: f64 = 32.0 * f64::EPSILON;
 
 /// `sum factor_k x_k` in intervals.
 fn sum(factor: impl Fn(usize) -> Interval, x: impl Fn(usize) -> Interval) -> Interval {
@@ -72,7 +79,12 @@ fn sum(factor: impl Fn(usize) -> Interval, x: impl Fn(usize) -> Interval) -> Int
 impl Patch {
     /// All of a box.
     pub(super) fn whole(region: PoseBox) -> Self {
-        Self { region, middle: region.middle(), cut: None }
+        Self::around(region, region.middle())
+    }
+
+    fn around(region: PoseBox, middle: Point) -> Self {
+        let aside = std::array::from_fn(|k| region.side(k) - Interval::point(middle[k]));
+        Self { region, middle, aside, cut: None }
     }
 
     /// A box, or what of it is in a half-space; `None` when that is nothing.
@@ -103,7 +115,10 @@ impl Patch {
         let past = here - wanted;
         let share = if past > 0.0 { (past / (here - least)).min(1.0) } else { 0.0 };
         let middle = std::array::from_fn(|k| near[k] + share * (corner[k] - near[k]));
-        Some(Self { region, middle, cut: Some(Cut { normal, range }) })
+        let here = sum(|k| Interval::point(normal[k]), |k| Interval::point(middle[k]));
+        let square = whole.product(&normal, &normal);
+        let cut = Some(Cut { normal, range: range - here, square });
+        Some(Self { cut, ..Self::around(region, middle) })
     }
 
     /// The product of two normals in units of the sides of the box.
@@ -114,24 +129,48 @@ impl Patch {
 
     /// How far from the middle a coordinate may be.
     pub(super) fn aside(&self, k: usize) -> Interval {
-        self.region.side(k) - Interval::point(self.middle[k])
+        self.aside[k]
     }
 
-    /// The range of `sum gradient_k (P_k - middle_k)` over the patch.
-    pub(super) fn spread(&self, gradient: &[Interval; COORDINATES]) -> Interval {
-        let whole = sum(|k| gradient[k], |k| self.aside(k));
-        let Some(Cut { normal, range }) = &self.cut else { return whole };
-        // What the cut tells of it, and the rest; right for any factor.
-        let across = gradient.map(Interval::middle);
-        let factor = self.product(&across, normal) / self.product(normal, normal);
+    /// The range of `sum gradient_k (P_k - middle_k)` over the patch, of the first coordinates.
+    pub(super) fn spread(&self, gradient: &[Interval]) -> Interval {
+        let whole = self.range(gradient, 0.0);
+        let Some(Cut { normal, square, .. }) = &self.cut else { return whole };
+        let mut across = [0.0; COORDINATES];
+        for (across, gradient) in across.iter_mut().zip(gradient) {
+            *across = gradient.middle();
+        }
+        let factor = self.product(&across, normal) / square;
         if !factor.is_finite() {
             return whole;
         }
-        let factor = Interval::point(factor);
-        let along = |k: usize| Interval::point(normal[k]);
-        let known = factor * (*range - sum(along, |k| Interval::point(self.middle[k])));
-        let rest = sum(|k| gradient[k] - factor * along(k), |k| self.aside(k));
-        (known + rest).intersection(whole).unwrap_or(whole)
+        self.range(gradient, factor).intersection(whole).unwrap_or(whole)
+    }
+
+    /// That range, of so many times the normal by what the cut tells of it, and of the rest; right for any factor.
+    ///
+    /// In floats: the gradient by middle and radius, and all roundings added at the end.
+    fn range(&self, gradient: &[Interval], factor: f64) -> Interval {
+        let cut = self.cut.as_ref().filter(|_| factor != 0.0);
+        let (mut low, mut high, mut radius, mut size) = (0.0, 0.0, 0.0, 0.0);
+        for (k, (gradient, aside)) in gradient.iter().zip(&self.aside).enumerate() {
+            let (middle, known) =
+                (gradient.middle(), cut.map_or(0.0, |cut| factor * cut.normal[k]));
+            let ends = [aside.low(), aside.high()].map(|end| (middle - known) * end);
+            let most = aside.magnitude();
+            low += ends[0].min(ends[1]);
+            high += ends[0].max(ends[1]);
+            radius += gradient.radius() * most;
+            size += (middle.abs() + known.abs()) * most;
+        }
+        if let Some(Cut { range, .. }) = cut {
+            let ends = [range.low(), range.high()].map(|end| factor * end);
+            low += ends[0].min(ends[1]);
+            high += ends[0].max(ends[1]);
+            size += factor.abs() * range.magnitude();
+        }
+        let room = radius + (radius + size) * ROUNDINGS;
+        Interval::new(low - room, high + room)
     }
 }
 

@@ -9,13 +9,17 @@
 //! ```
 //!
 //! where `M_i = G_i dF_i/dp_i`, and to that `p'` of two at which `det (M_1 ... M_6)` has the sign of the sheet. The
-//! start's `p_e` does not matter. `P` runs over a box, `pc` is the solution at a pose `Pc` of it, and `A` close to the
-//! inverse of the matrix there whose column `e` is replaced by a unit vector across all others: it stays regular at a
-//! fold, and row `e` of it tells what the five others cannot balance.
+//! start's `p_e` does not matter. `P` runs over a box, and `pc` is the solution at a pose `Pc` of it.
+//!
+//! How fast a force changes with its coordinate says little where its curve goes straight on. So a tangent is seen along
+//! its direction `d_i` at `Pc` and `pc`: `dF_i/dp_i = r_i (d_i + t_i n_i)`, with the rate `r_i` in newtons, `n_i` across
+//! `d_i`, and a slant `t_i`. The unknowns are `r_i p_i`, the columns `M_i = G_i (d_i + t_i n_i)`. `A` is close to the
+//! inverse of the matrix of these at `Pc` and `pc` whose column `e` is replaced by a unit vector across all others: it
+//! stays regular at a fold, and row `e` of it tells what the five others cannot balance.
 //!
 //! # One step
 //!
-//! With `y = p' - pc`, `K = A M - 1` (columns other than `e`) and what the tangents at `p` miss at `pc`,
+//! With `y_i = r_i (p'_i - pc_i)`, `K = A M - 1` (columns other than `e`) and what the tangents at `p` miss at `pc`,
 //! `R = sum G_i (F_i(pc) - F_i(p) - F_i'(p)(pc - p))`,
 //!
 //! ```text
@@ -32,12 +36,15 @@
 //!
 //! # The solution
 //!
-//! A box of the five coordinates that every step from it leads into holds a solution for every pose (Brouwer), which
-//! is the only one in it when the errors of a step, below, shrink from the size of the box.
+//! Along a chord of its curve the force of a cable changes by `F_i(p_i) - F_i(pc_i) = y_i (d_i + t_i n_i)`, where `t_i` is
+//! a mean of the slants in between. So a solution obeys the equations of a step with `R = 0`, in which only slants are
+//! left of the curves. From any coordinates in a box they lead to some `y`; where that is never beyond the chords within
+//! the box there is a solution in it for every pose (Brouwer). It is the only one, as what is between two of them obeys
+//! the same equations with nothing on the right, where `det` is of one sign on all pieces.
 //!
 //! # Newton's method
 //!
-//! The error `e_i = p'_i - p*_i` after a step from `p` obeys
+//! The error `e_i = r_i (p'_i - p*_i)` after a step from `p` obeys
 //!
 //! ```text
 //! sum_(i not e) M_i(P, p_i) e_i + G_e (F_e(q) - F_e(q*)) = sum_(i not e) G_i (F_i(p*_i) - F_i(p_i) - F_i'(p_i) (p*_i - p_i))
@@ -62,18 +69,21 @@
 //! the solution, towards that end, must have the sign of its side or fall. The poses that are too close to the fold, or
 //! beyond it, are cut off by a plane: over a [`Patch`] the sums are bounded with what the plane tells.
 
+use std::ops::Range;
+
 use cdpr_core::chart::{ChartStep, Start};
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{COORDINATES, Gap, TOLERANCE};
 use cdpr_core::{CABLES, Load, Robot};
-use nalgebra::{Matrix6, Vector6};
-use num_traits::Zero;
+use nalgebra::{Vector2, Vector6};
+use num_traits::{One, Zero};
 
 use super::Model;
-use super::curve::{Curves, Reach, both, size};
+use super::curve::{Curves, Heading, Reach, both, size};
+use super::equations::{Arithmetic, Columns, Equations, fed_back};
 use super::patch::Patch;
-use super::place::{ByPose, Likeness, Point, Sight, largest, pose};
-use super::sums::{Inverse, Piece, Sums, UPWARDS, View};
+use super::place::{Likeness, Point, Sight, largest, pose};
+use super::sums::{Course, Inverse, Piece, Sums, UPWARDS, View};
 use crate::interval::Interval;
 
 /// Newton steps at the middle of a box, to find the solution there.
@@ -84,10 +94,6 @@ const SETTLED: f64 = 1e-11;
 const ROOM: f64 = 1.1;
 const ROOM_ATTEMPTS: usize = 5;
 const LEAST_RADIUS: f64 = 1e-9;
-/// Times that the errors of a step are fed back through `A M - I`.
-const FEEDBACK: usize = 6;
-/// And what is added to each for it.
-const SHARE: f64 = 0.01;
 /// The arithmetic of a controller in f32: a component of the wrench of a cable is off by at most this many
 /// units of the force (15 operations of the explicit curve, whose factors are of one sign, rounded half a
 /// unit each, as are direction, lever arm, products and the sum of seven).
@@ -261,29 +267,35 @@ struct Frame<'a> {
     sights: Vec<Sight>,
     /// `A`.
     inverse: Inverse,
-    /// From the taut end; fine ones around the solution, rough ones beyond.
-    pieces: Vec<Piece>,
-    /// The lower ends of the fine pieces, and the upper one of the last of them.
-    joints: Vec<Piece>,
-    /// Numbers of the first fine piece, and of that which begins at the solution.
-    first_fine: usize,
-    middle: usize,
+    course: Course,
     /// How the sum changes with the pose there.
     by_pose: [Vector6<f64>; COORDINATES],
-    /// Slopes of the cables there, N.
-    slopes_n: [f64; CABLES],
+    /// Directions of the tangents there.
+    directions: [Vector2<f64>; CABLES],
+}
+
+/// The curves of five cables over a box of coordinates.
+struct Tangents<'a> {
+    reach: Vec<Option<Reach>>,
+    /// How fast their forces change along their directions, N.
+    rates_n: [Interval; CABLES],
+    columns: Columns<'a>,
 }
 
 /// Where a step leads from anywhere in a box of coordinates.
-struct Stage {
-    /// Of the five cables, at the box.
-    reach: Vec<Option<Reach>>,
-    columns: Columns,
+struct Stage<'a> {
+    tangents: Tangents<'a>,
     /// Pieces on which the eliminated cable may be then.
-    first: usize,
-    last: usize,
+    pieces: Range<usize>,
     /// The other coordinates then.
     to: [Interval; CABLES],
+}
+
+/// The solutions of a patch.
+struct Solutions {
+    charts: [Interval; CABLES],
+    /// Pieces on which the eliminated cable may be.
+    pieces: Range<usize>,
 }
 
 impl<'a> Frame<'a> {
@@ -296,54 +308,22 @@ impl<'a> Frame<'a> {
         let cable = view.seed.eliminated;
         let inverse = Inverse::new(balance, at_center, cable)?;
         let sums = Sums::new(view, center, &inverse)?;
-        let (at, bracket) = (center[cable], view.seed.bracket);
-        let is_inside = at > bracket[0] && at < bracket[1];
-        if !is_inside {
-            return None;
-        }
-        let exact = sums.exactly(at)?;
-        let (here, rows) = sums.joint(&exact, at)?;
-        let tangent_n = balance.planes()[cable].wrench_n(&at_center.points[cable].force_by_chart_n);
-        let rise = inverse.matrix.row(cable).transpose().dot(&tangent_n);
-        let known = here.sum[cable].radius() / rise;
-        if !(known > 0.0 && known.is_finite()) {
-            return None;
-        }
-        let (down, down_joints, low) = sums.march(at, -known, bracket[0])?;
-        let (up, up_joints, high) = sums.march(at, known, bracket[1])?;
-        let mut pieces = Vec::with_capacity(view.pieces.len() + down.len() + up.len());
-        let below = view.pieces.iter().filter(|p| p.chart.low() < low);
-        pieces.extend(below.map(|piece| sums.rough(piece)));
-        let first_fine = pieces.len();
-        let middle = first_fine + down.len();
-        pieces.extend(down.into_iter().rev());
-        pieces.extend(up);
-        let above = view.pieces.iter().filter(|p| p.chart.high() > high);
-        pieces.extend(above.map(|piece| sums.rough(piece)));
-        let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
-
+        let (course, by_pose) = sums.course(at_center, balance, center[cable])?;
         let sights = sums.sights;
         Some(Self {
             view,
             center: *center,
             sights,
             inverse,
-            pieces,
-            joints,
-            first_fine,
-            middle,
-            by_pose: rows.map(|row| row.map(Interval::middle)),
-            slopes_n: at_center.points.map(|point| point.force_by_chart_n.norm()),
+            course,
+            by_pose,
+            directions: at_center.points.map(|point| point.force_by_chart_n.normalize()),
         })
     }
 
     /// The coordinate of the pose that moves the forces most.
     fn widest(&self) -> usize {
-        let cable = self.view.seed.eliminated;
-        // Row `e` is in newtons.
-        let slope_n = |i: usize| if i == cable { 1.0 } else { self.slopes_n[i] };
-        let moved_n =
-            |k: usize| -> f64 { (0..CABLES).map(|i| self.by_pose[k][i].abs() * slope_n(i)).sum() };
+        let moved_n = |k: usize| self.by_pose[k].abs().sum();
         largest(0..COORDINATES, |k| self.view.patch.region.extent(k) * moved_n(k))
     }
 
@@ -406,188 +386,107 @@ impl<'a> Frame<'a> {
         self.inverse.per_newton * (F32 * wrench_n)
     }
 
-    /// The curves of five cables at `at`, and their tangents.
-    fn tangents(&self, at: &[Interval; CABLES]) -> Option<(Vec<Option<Reach>>, Columns)> {
+    fn tangents(&self, at: &[Interval; CABLES]) -> Option<Tangents<'_>> {
         let View { prover, patch, sights, along, seed, .. } = self.view;
         let mut reach = Vec::with_capacity(CABLES);
-        let mut columns = Columns::default();
+        let mut columns = Columns::new(&self.inverse, seed.eliminated, *along);
+        let mut rates_n = [Interval::one(); CABLES];
         for i in 0..CABLES {
             if i == seed.eliminated {
                 reach.push(None);
                 continue;
             }
             let all = prover.curves.reach(i, &sights[i], at[i])?;
-            let tangent_n = prover.curves.tangent(i, &self.sights[i], at[i], &all.bend_n)?;
-            columns.set(i, &self.inverse, &self.sights[i].wrench_n(&tangent_n));
-            let mut turning_n = [Vector6::zeros(); COORDINATES];
-            sights[i].add_moved(&mut turning_n, &all.by_chart_n, &all.turn_n, *along);
-            columns.turn(i, &self.inverse.rows(&turning_n, *along), patch);
+            let heading = Heading::new(&all, &self.directions[i])?;
+            let slant = prover.curves.slant(i, &self.sights[i], at[i], &self.directions[i])?;
+            let tangent = heading.vector(slant);
+            columns.set(i, &self.sights[i].wrench_n(&tangent));
+            let mut turning = [Vector6::zeros(); COORDINATES];
+            sights[i].add_moved(
+                &mut turning,
+                &heading.vector(heading.slant),
+                &heading.turn,
+                *along,
+            );
+            columns.turn(i, &turning, patch);
+            rates_n[i] = heading.rate_n;
             reach.push(Some(all));
         }
-        Some((reach, columns))
+        Some(Tangents { reach, rates_n, columns })
+    }
+
+    fn equations<'e>(
+        &'e self,
+        columns: &'e Columns,
+        apart: Vector6<f64>,
+        arithmetic: Arithmetic,
+    ) -> Equations<'e> {
+        let fold_at_slack_end = self.view.seed.fold_at_slack_end;
+        Equations::new(columns, &self.course, fold_at_slack_end, apart, arithmetic)
     }
 
     /// The step from anywhere in `at`; `None` where it may not lead to one place.
-    fn stage(&self, at: &[Interval; CABLES]) -> Option<Stage> {
-        let seed = self.view.seed;
-        let cable = seed.eliminated;
-        let (reach, columns) = self.tangents(at)?;
+    fn stage(&self, at: &[Interval; CABLES]) -> Option<Stage<'_>> {
+        let cable = self.view.seed.eliminated;
+        let tangents = self.tangents(at)?;
+        let Tangents { reach, rates_n, columns } = &tangents;
         let center = self.center.map(Interval::point);
         let errors = std::array::from_fn(|i| at[i] - center[i]);
-        let missed = self.missed(&reach, at, &center, &errors)?;
-        let rounding = self.rounding(&reach, &self.pieces[self.middle..=self.middle], &errors);
+        let missed = self.missed(reach, at, &center, &errors)?;
+        let rounding = self.rounding(reach, self.course.at_center(), &errors);
         let apart = missed.map(Interval::magnitude) + rounding;
-
-        // Of each piece |y| is bounded if `q` is on it.
-        let plain = self.defect(&columns, &Vector6::zeros());
-        let row = plain.row(cable).transpose();
-        let fed = |piece: &Piece| {
-            let mut fed = self.defect(&columns, &piece.ratio);
-            fed.fill_row(cable, 0.0);
-            fed
-        };
         let per_newton = self.inverse.per_newton[cable];
-        let rounded = |i: usize| per_newton * F32 * self.roundings(i);
-        let unit = rounded(cable);
+        let unit = |i: usize| per_newton * F32 * self.roundings(i);
         // What is rounded in the tangents of the others.
-        let matrix_unit = Vector6::from_fn(|i, _| {
+        let tangent_units = Vector6::from_fn(|i, _| {
             let slope_n = reach[i].as_ref().map_or(0.0, |at| size(&at.by_chart_n).high());
-            rounded(i) * slope_n
+            unit(i) * slope_n / rates_n[i].low()
         });
-        let others =
-            |v: &dyn Fn(usize) -> f64| Vector6::from_fn(|i, _| if i == cable { 0.0 } else { v(i) });
-        let bound = |piece: &Piece| {
-            let right = others(&|i| {
-                apart[i] + piece.ratio[i].abs() * apart[cable] + piece.swept[i].magnitude()
-            });
-            fed_back(&fed(piece), &right)
-        };
-        // The left side of the one equation, and its slope, where that could be zero. Mostly it is enough to know what
-        // the others weigh in it at most, whatever the piece; where it is not, what is fed back on the piece is swept.
-        let weights = self.weights(&plain, &(row + matrix_unit));
-        let open = |sum: Interval, own: f64, right: &dyn Fn(usize) -> f64| {
-            let room = weights.map_or(f64::INFINITY, |weights| weights.dot(&others(right)));
-            sum + Interval::symmetric((room + own) * UPWARDS)
-        };
-        let value = |piece: &Piece| {
-            let own = apart[cable] + 2.0 * unit * piece.force_n + per_newton * piece.left_n;
-            let right = |i: usize| apart[i] + piece.sum[i].magnitude();
-            let rough = open(piece.sum[cable], own, &right);
-            if rough.mignitude() > 0.0 {
-                return rough;
-            }
-            let room = bound(piece).map_or(f64::INFINITY, |y| row.dot(&y));
-            piece.sum[cable] + Interval::symmetric((room + own) * UPWARDS)
-        };
-        let slope = |piece: &Piece| {
-            let own = unit * piece.slope_n;
-            let rough = open(piece.slope[cable], own, &|i| piece.slope[i].magnitude());
-            if rough.mignitude() > 0.0 {
-                return rough;
-            }
-            let right = others(&|i| piece.swept_slope[i]);
-            let room = fed_back(&fed(piece), &right)
-                .map_or(f64::INFINITY, |y| row.dot(&y) + matrix_unit.dot(&y));
-            piece.slope[cable] + Interval::symmetric((room + own) * UPWARDS)
-        };
-        let joint =
-            |number: usize| self.joints.get(number.checked_sub(self.first_fine)?).map(value);
-        // Where it may end.
-        let rises = |number: usize| self.pieces.get(number).is_some_and(|p| slope(p).low() > 0.0);
-        let mut last = self.middle;
-        loop {
-            let end = rises(last).then(|| joint(last + 1)).flatten()?;
-            if end.low() > 0.0 {
-                break;
-            }
-            last += 1;
-        }
-        let mut first = self.middle.checked_sub(1)?;
-        loop {
-            let end = rises(first).then(|| joint(first)).flatten()?;
-            if end.high() < 0.0 {
-                break;
-            }
-            first = first.checked_sub(1)?;
-        }
-        // From anywhere else the search goes there. Beyond, the sign stays where it rises; and towards a fold it is
-        // enough that it has the sign, or falls.
-        let goes = |number: usize, way: f64, has_sign: &mut bool| {
-            let piece = &self.pieces[number];
-            let slope = slope(piece);
-            if (way > 0.0) != seed.fold_at_slack_end {
-                return slope.low() > 0.0;
-            }
-            let value = value(piece);
-            let is_certain = if way > 0.0 { value.low() > 0.0 } else { value.high() < 0.0 };
-            *has_sign = is_certain || *has_sign && slope.low() > 0.0;
-            *has_sign || slope.high() < 0.0
-        };
-        let (mut below, mut above) = (true, true);
-        if !((0..first).rev().all(|number| goes(number, -1.0, &mut below))
-            && (last + 1..self.pieces.len()).all(|number| goes(number, 1.0, &mut above)))
-        {
-            return None;
-        }
-
-        let mut to: Option<[Interval; CABLES]> = None;
-        for piece in &self.pieces[first..=last] {
-            let turned = fed(piece) * bound(piece)?;
-            let here = self.after(piece, &turned, &missed, &rounding);
-            to = Some(to.map_or(here, |to| std::array::from_fn(|i| to[i].hull(here[i]))));
-        }
-        Some(Stage { reach, columns, first, last, to: to? })
-    }
-
-    /// What the five others weigh at most in a sum with these weights, when each feeds back through `defect`.
-    fn weights(&self, defect: &Matrix6<f64>, weights: &Vector6<f64>) -> Option<Vector6<f64>> {
-        let mut back = defect.transpose();
-        back.fill_column(self.view.seed.eliminated, 0.0);
-        fed_back(&back, weights)
-    }
-
-    /// Where the five others are after a step, with the eliminated cable on a piece; from what the matrix turns there.
-    fn after(
-        &self,
-        piece: &Piece,
-        turned: &Vector6<f64>,
-        missed: &Vector6<Interval>,
-        rounding: &Vector6<f64>,
-    ) -> [Interval; CABLES] {
-        let cable = self.view.seed.eliminated;
-        std::array::from_fn(|i| {
+        let arithmetic = Arithmetic { unit: unit(cable), tangent_units, per_newton };
+        let equations = self.equations(columns, apart, arithmetic);
+        let pieces = equations.pieces()?;
+        equations.leads_to(&pieces).then_some(())?;
+        let moved = equations.moved(&pieces, &missed, &rounding)?;
+        let to = std::array::from_fn(|i| {
             if i == cable {
                 return Interval::zero();
             }
-            let ratio = piece.ratio[i];
-            let room = turned[i] + rounding[i] + ratio.abs() * rounding[cable];
-            Interval::point(self.center[i]) - piece.swept[i] + missed[i]
-                - Interval::point(ratio) * missed[cable]
-                + Interval::symmetric(room * UPWARDS)
-        })
+            center[i] + moved[i] / rates_n[i]
+        });
+        Some(Stage { tangents, pieces, to })
     }
 
-    /// Bound of `|A M - I|`, column `e` zero, after row `e` times the factors was taken from the others.
-    fn defect(&self, columns: &Columns, ratio: &Vector6<f64>) -> Matrix6<f64> {
-        let cable = self.view.seed.eliminated;
-        let swept = |matrix: &Matrix6<f64>| matrix - ratio * matrix.row(cable);
-        let mut bound = swept(&columns.defect).abs();
-        bound += swept(&self.inverse.matrix).abs() * columns.radius;
-        for turned in columns.turned.iter().take(self.view.along.count()) {
-            bound += swept(turned).abs();
+    /// The solutions that are on the chords from the center to anywhere in `room`.
+    fn chords(&self, room: &[Interval; CABLES]) -> Option<Solutions> {
+        let View { prover, sights, seed, .. } = self.view;
+        let Tangents { columns, .. } = self.tangents(room)?;
+        let none = Vector6::zeros();
+        let equations = self.equations(&columns, none, Arithmetic::default());
+        let pieces = equations.pieces()?;
+        let moved = equations.moved(&pieces, &none.map(Interval::point), &none)?;
+        let mut charts = self.center.map(Interval::point);
+        for i in self.others() {
+            let reached = |moved_n: f64| {
+                let (sight, direction) = (&sights[i], &self.directions[i]);
+                prover.curves.reached(i, sight, self.center[i], moved_n, direction)
+            };
+            // With the center, where all chords begin.
+            let (low, high) = (moved[i].low().min(0.0), moved[i].high().max(0.0));
+            charts[i] = Interval::new(reached(low)?, reached(high)?);
         }
-        bound += columns.blur + ratio.abs() * columns.blur.row(cable);
-        bound * UPWARDS
+        charts[seed.eliminated] = Interval::zero();
+        Some(Solutions { charts, pieces })
     }
 
     /// The errors after a step, from what the tangents miss; and that of the eliminated force, N.
     fn errors(
         &self,
         columns: &Columns,
-        pieces: &[Piece],
+        pieces: Range<usize>,
         missed: &Vector6<Interval>,
         rounding: &Vector6<f64>,
     ) -> Option<(Vector6<f64>, f64)> {
+        let pieces = &self.course.pieces[pieces];
         let cable = self.view.seed.eliminated;
         let rise = |piece: &Piece| piece.slope[cable].low();
         if !pieces.iter().all(|piece| rise(piece) > 0.0) {
@@ -603,8 +502,8 @@ impl<'a> Frame<'a> {
             let off = |p: &Piece| (p.slope[i] - factor * p.slope[cable]).magnitude();
             if i == cable { 0.0 } else { most(&off) }
         });
-        let row = self.defect(columns, &Vector6::zeros()).row(cable).into_owned();
-        let mut fed = self.defect(columns, &ratio) + pull * row;
+        let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
+        let mut fed = columns.defect(&ratio) + pull * row;
         fed.fill_row(cable, 0.0);
         let alone = missed[cable].magnitude() + rounding[cable];
         let right = Vector6::from_fn(|i, _| {
@@ -619,136 +518,66 @@ impl<'a> Frame<'a> {
         Some((errors, along * most(&|piece| piece.slope_n)))
     }
 
-    /// The boxes of the solutions, and the step from there.
-    fn solution(&self) -> Result<([Interval; CABLES], Stage), Gap> {
+    /// The solutions of the patch.
+    fn solutions(&self) -> Option<Solutions> {
         let mut room = self.center.map(Interval::point);
         for attempt in 0..=ROOM_ATTEMPTS {
-            let stage = self.stage(&room).ok_or(Gap::Unproven)?;
-            let to = stage.to;
-            if attempt > 0 && self.others().all(|i| to[i].is_inside(room[i])) {
-                return Ok((to, self.stage(&to).ok_or(Gap::Unproven)?));
+            let found = self.chords(&room)?;
+            if attempt > 0 && self.others().all(|i| found.charts[i].is_inside(room[i])) {
+                return Some(found);
             }
-            room = to.map(|to| Interval::around(to.middle(), ROOM * to.radius() + LEAST_RADIUS));
+            room = found
+                .charts
+                .map(|to| Interval::around(to.middle(), ROOM * to.radius() + LEAST_RADIUS));
         }
-        Err(Gap::Unproven)
+        None
     }
 
     /// The proof for all of the patch at once; the steps that it takes.
     fn prove(&self) -> Result<u8, Gap> {
-        let View { sights, seed, steps, .. } = self.view;
-        let cable = seed.eliminated;
-        let (solutions, there) = self.solution()?;
-        let at = |i: usize| there.reach[i].as_ref();
-        let of = |value: &dyn Fn(&Reach) -> f64| Vector6::from_fn(|i, _| at(i).map_or(0.0, value));
-        // It is the only one: two would be closer together than they are.
-        let widths =
-            Vector6::from_fn(
-                |i, _| {
-                    if i == cable { 0.0 } else { 2.0 * solutions[i].radius() * UPWARDS }
-                },
-            );
-        let mut bent_n = Vector6::zeros();
+        let View { prover, sights, seed, steps, .. } = self.view;
+        let solutions = self.solutions().ok_or(Gap::Unproven)?;
+        let mut sum_n = 0.0;
         for i in self.others() {
-            let bend_n = at(i).ok_or(Gap::Unproven)?.bend_n;
-            let half_square = Interval::new(0.0, 0.5 * widths[i] * widths[i] * UPWARDS);
-            bent_n += sights[i].wrench_n(&(bend_n * half_square));
-        }
-        let bent = self.inverse.times(&bent_n);
-        let pieces = &self.pieces[there.first..=there.last];
-        let none = Vector6::zeros();
-        let (closer, _) = self.errors(&there.columns, pieces, &bent, &none).ok_or(Gap::Unproven)?;
-        if !self.others().all(|i| closer[i] < widths[i]) {
-            return Err(Gap::Unproven);
+            let there = prover.curves.hung(i, &sights[i], solutions.charts[i]);
+            sum_n += size(&there.ok_or(Gap::Unproven)?.force_n).low();
         }
 
         // From the seed.
-        let sum_n = of(&|reach| size(&reach.force_n).low()).sum();
-        let slopes_n = of(&|reach| size(&reach.by_chart_n).high());
         let mut iterate = seed.charts.map(Interval::point);
-        let mut errors: [Interval; CABLES] = std::array::from_fn(|i| iterate[i] - solutions[i]);
+        let mut errors: [Interval; CABLES] =
+            std::array::from_fn(|i| iterate[i] - solutions.charts[i]);
         for done in 1..=*steps {
             let stage = self.stage(&iterate).ok_or(Gap::TooManySteps)?;
             let missed = self
-                .missed(&stage.reach, &iterate, &solutions, &errors)
+                .missed(&stage.tangents.reach, &iterate, &solutions.charts, &errors)
                 .ok_or(Gap::TooManySteps)?;
-            let pieces = &self.pieces[stage.first.min(there.first)..=stage.last.max(there.last)];
-            let rounding = self.rounding(&stage.reach, pieces, &errors);
-            let after = self.errors(&stage.columns, pieces, &missed, &rounding);
-            let (after, eliminated_n) = after.ok_or(Gap::TooManySteps)?;
-            let off_n = self.others().map(|i| slopes_n[i] * after[i]).fold(eliminated_n, f64::max);
+            let (a, b) = (&stage.pieces, &solutions.pieces);
+            let pieces = a.start.min(b.start)..a.end.max(b.end);
+            let rounding =
+                self.rounding(&stage.tangents.reach, &self.course.pieces[pieces.clone()], &errors);
+            let after = self.errors(&stage.tangents.columns, pieces, &missed, &rounding);
+            let (after_n, eliminated_n) = after.ok_or(Gap::TooManySteps)?;
+            let rate = |i: usize| stage.tangents.rates_n[i].low();
+            iterate = std::array::from_fn(|i| {
+                if i == seed.eliminated {
+                    return Interval::zero();
+                }
+                errors[i] = Interval::symmetric(after_n[i] / rate(i) * UPWARDS);
+                let near = solutions.charts[i] + errors[i];
+                near.intersection(stage.to[i]).unwrap_or(near)
+            });
+            // What that makes of the forces, on the curves.
+            let mut off_n = eliminated_n;
+            for i in self.others() {
+                let there = solutions.charts[i].hull(iterate[i]);
+                let slope_n = prover.curves.hung(i, &sights[i], there).ok_or(Gap::TooManySteps)?;
+                off_n = off_n.max(size(&slope_n.force_by_chart_n).high() * errors[i].magnitude());
+            }
             if off_n < TOLERANCE * sum_n {
                 return Ok(done);
             }
-            iterate = std::array::from_fn(|i| {
-                errors[i] = Interval::symmetric(after[i]);
-                let near = solutions[i] + errors[i];
-                near.intersection(stage.to[i]).unwrap_or(near)
-            });
         }
         Err(Gap::TooManySteps)
     }
-}
-
-/// `A M - 1` over a patch, for the tangents of five cables; column `e` is zero.
-#[derive(Default)]
-struct Columns {
-    /// At the middle of the patch, with the middles of the tangents.
-    defect: Matrix6<f64>,
-    /// Radii of the wrenches of the tangents there.
-    radius: Matrix6<f64>,
-    /// How far each coordinate of the pose turns it at most, by middle.
-    turned: [Matrix6<f64>; COORDINATES],
-    /// The radii of that, and all roundings, of what is made of a row and as much again of row `e`, too.
-    blur: Matrix6<f64>,
-}
-
-impl Columns {
-    /// Sets a column at the middle of the patch.
-    fn set(&mut self, cable: usize, inverse: &Inverse, wrench_n: &Vector6<Interval>) {
-        let middle = wrench_n.map(Interval::middle);
-        let mut defect = inverse.matrix * middle;
-        defect[cable] -= 1.0;
-        self.defect.set_column(cable, &defect);
-        self.radius.set_column(cable, &wrench_n.map(Interval::radius));
-        // Ten roundings of a sum of six products that is about 1 or 0, and of the matrix.
-        let blur = inverse.sizes * middle.abs() * (16.0 * f64::EPSILON);
-        self.blur.set_column(cable, &blur);
-    }
-
-    /// Sets how `A` times it changes with each coordinate.
-    fn turn(&mut self, cable: usize, rows: &ByPose, patch: &Patch) {
-        let mut blur = self.blur.column_mut(cable);
-        for (k, row) in rows.iter().enumerate() {
-            let aside = patch.aside(k).magnitude();
-            let turned = row.map(Interval::middle) * aside;
-            blur += row.map(Interval::radius) * aside + turned.abs() * (4.0 * f64::EPSILON);
-            self.turned[k].set_column(cable, &turned);
-        }
-    }
-}
-
-/// A bound on all `e >= 0` with `e <= right + defect e`; `None` when that does not bound them.
-fn fed_back(defect: &Matrix6<f64>, right: &Vector6<f64>) -> Option<Vector6<f64>> {
-    let mut weights = *right;
-    for _ in 0..FEEDBACK {
-        weights = right + defect * weights;
-    }
-    // A little more, so that what comes from others only has something of its own as well.
-    let right = right + weights * SHARE + Vector6::repeat(f64::MIN_POSITIVE);
-    for _ in 0..FEEDBACK {
-        weights = right + defect * weights;
-    }
-    let fed = defect * weights;
-    // e <= weights max(right/(weights - defect weights)), where the difference is positive
-    let mut factor = 0.0_f64;
-    for i in 0..CABLES {
-        let kept = weights[i] - fed[i] * UPWARDS;
-        let is_kept = kept > 0.0 && kept.is_finite();
-        if !is_kept {
-            return None;
-        }
-        factor = factor.max(right[i] / kept);
-    }
-    let bound = weights * (factor * UPWARDS);
-    Some((right + defect * bound) * UPWARDS)
 }

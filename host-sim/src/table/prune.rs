@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cdpr_core::table::{Gap, Node, SEED_WORDS};
+use cdpr_core::table::{Gap, Node, SEED_BYTES, WORD_BYTES};
 
 use super::cells::{Cell, Plan, Seed};
 
@@ -61,7 +61,7 @@ impl Market<'_> {
         let price = self.price;
         let cell_price = |cell: &Cell| {
             let sharing = self.uses.get(&cell.seed).map_or(1.0, |uses| *uses as f64);
-            (1.0 + SEED_WORDS as f64 / sharing) * price
+            (1.0 + (SEED_BYTES / WORD_BYTES) as f64 / sharing) * price
         };
         let (kept, worth) = match plan {
             Plan::Split { coordinate, halves } => {
@@ -74,9 +74,10 @@ impl Market<'_> {
                 let (_, words) = Node::Trim { plane: *plane, inside: 0 }.encode();
                 (plan.clone(), BEFORE * share - words as f64 * price - cell_price(cell))
             }
-            Plan::Nothing(_) => (plan.clone(), -price),
+            // It is said where the box was halved.
+            Plan::Nothing(_) => (plan.clone(), 0.0),
         };
-        if worth < -price { (Plan::Nothing(Gap::LeftOut), -price) } else { (kept, worth) }
+        if worth < 0.0 { (Plan::Nothing(Gap::LeftOut), 0.0) } else { (kept, worth) }
     }
 }
 
@@ -84,8 +85,8 @@ impl Market<'_> {
 mod tests {
     use super::*;
 
-    fn cell(seed: u16) -> Plan {
-        Plan::Cell(Cell { seed: [seed; SEED_WORDS], steps: 1 })
+    fn cell(seed: u8) -> Plan {
+        Plan::Cell(Cell { seed: [seed; SEED_BYTES], steps: 1 })
     }
 
     fn split(lower: Plan, upper: Plan) -> Plan {
@@ -93,7 +94,7 @@ mod tests {
     }
 
     /// A large cell, and ever smaller ones.
-    fn staircase(depth: u16) -> Plan {
+    fn staircase(depth: u8) -> Plan {
         if depth == 0 { Plan::Nothing(Gap::Fold) } else { split(cell(depth), staircase(depth - 1)) }
     }
 
@@ -111,7 +112,7 @@ mod tests {
             let mut at = &kept;
             for depth in 0..most {
                 let Plan::Split { halves, .. } = at else { panic!("{kept:?}") };
-                assert_eq!(halves[0], cell(8 - u16::try_from(depth).unwrap()));
+                assert_eq!(halves[0], cell(8 - u8::try_from(depth).unwrap()));
                 at = &halves[1];
             }
             assert_eq!(*at, Plan::Nothing(Gap::LeftOut));

@@ -2,13 +2,14 @@
 //! [`proof`](super::proof) for what is made of it.
 
 use cdpr_core::CABLES;
-use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Hung, Start, root};
+use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Hung, Start};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
+use num_traits::Zero;
 
-use super::curve::{Curves, Reach, size};
+use super::curve::{Reach, size, stretch};
 use super::patch::Patch;
 use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
@@ -21,8 +22,10 @@ const FINEST: f64 = 0.5;
 const GROWTH: f64 = 1.6;
 const BEND: f64 = 0.08;
 const ROUGH_BEND: f64 = 0.02;
+/// A number is well known when its least size exceeds its radius by this factor.
+const TOLD: f64 = 1.0;
 /// Fine pieces on one side of the solution at most.
-const MOST_FINE: usize = 48;
+const MOST_FINE: usize = 128;
 /// For the rounding of sums of non-negative bounds.
 pub(super) const UPWARDS: f64 = 1.0 + 1e-12;
 
@@ -33,7 +36,6 @@ pub(super) struct View<'a> {
     pub(super) sights: Vec<Sight>,
     loading: Loading,
     pub(super) along: Along,
-    pub(super) pieces: Vec<Rough>,
     pub(super) seed: &'a Start<f64>,
     pub(super) steps: u8,
 }
@@ -47,15 +49,14 @@ impl<'a> View<'a> {
         steps: u8,
     ) -> Option<Self> {
         let (sights, loading) = prover.likeness.look(&patch.region).ok()?;
-        let pieces = Rough::all(&prover.curves, seed, &sights)?;
         let along = prover.likeness.along(&patch.region);
-        Some(Self { prover, patch, sights, loading, along, pieces, seed, steps })
+        Some(Self { prover, patch, sights, loading, along, seed, steps })
     }
 }
 
 /// A piece of the curve of the eliminated cable, for all poses of a box.
-pub(super) struct Rough {
-    pub(super) chart: Interval,
+struct Rough {
+    chart: Interval,
     force_n: Vector2<Interval>,
     by_chart_n: Vector2<Interval>,
 }
@@ -64,25 +65,6 @@ impl Rough {
     fn at(chart: Interval, hung: &Hung<Interval>) -> Self {
         Self { chart, force_n: hung.force_n, by_chart_n: hung.force_by_chart_n }
     }
-
-    /// The whole bracket of a seed, from its taut end.
-    fn all(curves: &Curves, seed: &Start<f64>, sights: &[Sight]) -> Option<Vec<Self>> {
-        let (cable, [mut low, end]) = (seed.eliminated, seed.bracket);
-        let mut pieces = Vec::with_capacity(64);
-        while low < end {
-            let high = (low + longest(low, ROUGH_BEND)).min(end);
-            let chart = Interval::new(low, high);
-            pieces.push(Self::at(chart, &curves.hung(cable, &sights[cable], chart)?));
-            low = high;
-        }
-        Some(pieces)
-    }
-}
-
-/// How long a piece may be at a coordinate, over which the root changes so far.
-fn longest(chart: f64, bend: f64) -> f64 {
-    let s = root(chart);
-    (0.5 / s + 2.0 * s * s) * bend
 }
 
 /// A piece of the curve of the eliminated cable, for all poses of a patch.
@@ -102,6 +84,24 @@ pub(super) struct Piece {
     pub(super) swept: Vector6<Interval>,
     /// The slope after that, sizes.
     pub(super) swept_slope: Vector6<f64>,
+}
+
+/// The curve of the eliminated cable in pieces, from the taut end of the bracket.
+pub(super) struct Course {
+    /// Fine ones around the solution, rough ones beyond.
+    pub(super) pieces: Vec<Piece>,
+    /// The lower ends of the fine pieces, and the upper one of the last of them.
+    pub(super) joints: Vec<Piece>,
+    /// Numbers of the first fine piece, and of that which begins at the solution.
+    pub(super) first_fine: usize,
+    pub(super) middle: usize,
+}
+
+impl Course {
+    /// The piece that begins at the solution.
+    pub(super) fn at_center(&self) -> &[Piece] {
+        &self.pieces[self.middle..=self.middle]
+    }
 }
 
 /// `A (S(P, pc) + G F(q))` over a patch, and how it comes about.
@@ -145,6 +145,39 @@ impl<'a> Sums<'a> {
         Some(sums)
     }
 
+    /// All of the bracket, in which the solution is at `at`; and how the sum changes with the pose there.
+    pub(super) fn course(
+        &self,
+        at_center: &ChartStep<f64>,
+        balance: &Balance<f64>,
+        at: f64,
+    ) -> Option<(Course, [Vector6<f64>; COORDINATES])> {
+        let View { seed: Start { eliminated: cable, bracket, .. }, .. } = self.view;
+        let is_inside = at > bracket[0] && at < bracket[1];
+        if !is_inside {
+            return None;
+        }
+        let (here, rows) = self.joint(&self.exactly(at)?, at)?;
+        let tangent_n =
+            balance.planes()[*cable].wrench_n(&at_center.points[*cable].force_by_chart_n);
+        let rise = self.inverse.matrix.row(*cable).transpose().dot(&tangent_n);
+        let known = here.sum[*cable].radius() / rise;
+        if !(known > 0.0 && known.is_finite()) {
+            return None;
+        }
+        let (down, down_joints, low) = self.march(at, -known, bracket[0])?;
+        let (up, up_joints, high) = self.march(at, known, bracket[1])?;
+        let mut pieces = self.beyond(bracket[0], low)?;
+        let first_fine = pieces.len();
+        let middle = first_fine + down.len();
+        pieces.extend(down.into_iter().rev());
+        pieces.extend(up);
+        pieces.extend(self.beyond(high, bracket[1])?);
+        let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
+        let course = Course { pieces, joints, first_fine, middle };
+        Some((course, rows.map(|row| row.map(Interval::middle))))
+    }
+
     /// Row `e` times the factors taken from the other rows.
     fn swept(&self, v: &Vector6<Interval>, ratio: &Vector6<f64>) -> Vector6<Interval> {
         let cable = self.view.seed.eliminated;
@@ -153,15 +186,61 @@ impl<'a> Sums<'a> {
 
     /// What poses aside from the middle add, swept.
     fn spread(&self, rows: &ByPose, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        let mut swept = *rows;
-        for row in swept.iter_mut().take(self.view.along.count()) {
-            *row = self.swept(row, ratio);
-        }
-        let gradient = |i: usize| swept.each_ref().map(|row| row[i]);
-        Vector6::from_fn(|i, _| self.view.patch.spread(&gradient(i)))
+        let cable = self.view.seed.eliminated;
+        let count = self.view.along.count();
+        Vector6::from_fn(|i, _| {
+            let mut gradient = [Interval::zero(); COORDINATES];
+            for (to, row) in gradient.iter_mut().zip(rows).take(count) {
+                *to = row[i];
+                if ratio[i] != 0.0 {
+                    *to -= Interval::point(ratio[i]) * row[cable];
+                }
+            }
+            self.view.patch.spread(&gradient[..count])
+        })
     }
 
-    pub(super) fn rough(&self, piece: &Rough) -> Piece {
+    fn rough(&self, piece: &Rough) -> Piece {
+        let mut rough = self.plain(piece);
+        let others = rough.swept + self.spread(&self.rows, &rough.ratio);
+        rough.swept = others;
+        rough
+    }
+
+    /// Pieces of a part of the bracket, from its taut end: as long as is told by what they sum to.
+    fn beyond(&self, mut low: f64, end: f64) -> Option<Vec<Piece>> {
+        let mut pieces = Vec::new();
+        while low < end {
+            let is_long = |bend: f64| {
+                let chart = Interval::new(low, (low + stretch(low, bend)).min(end));
+                Some((self.along(chart)?, chart.high()))
+            };
+            let (piece, high) = match is_long(BEND) {
+                Some(long) if self.is_told(&long.0) => long,
+                _ => is_long(ROUGH_BEND)?,
+            };
+            pieces.push(piece);
+            low = high;
+        }
+        Some(pieces)
+    }
+
+    /// One of them.
+    fn along(&self, chart: Interval) -> Option<Piece> {
+        let cable = self.view.seed.eliminated;
+        let hung = self.view.prover.curves.hung(cable, &self.view.sights[cable], chart)?;
+        Some(self.rough(&Rough::at(chart, &hung)))
+    }
+
+    /// Whether it is well known which sign row `e` has on a piece, or whether it rises or falls.
+    fn is_told(&self, piece: &Piece) -> bool {
+        let cable = self.view.seed.eliminated;
+        let is_told = |sum: Interval| sum.mignitude() > TOLD * sum.radius();
+        is_told(piece.sum[cable]) || is_told(piece.slope[cable])
+    }
+
+    /// A piece with what is swept only at the middle of the patch.
+    fn plain(&self, piece: &Rough) -> Piece {
         let cable = self.view.seed.eliminated;
         let sight = &self.view.sights[cable];
         let along = self.inverse.times(&sight.wrench_n(&piece.force_n));
@@ -178,7 +257,7 @@ impl<'a> Sums<'a> {
             left_n: size(&piece.by_chart_n).high()
                 * (1.0 + piece.chart.magnitude())
                 * (CROSSING_WIDTH * UPWARDS),
-            swept: self.swept(&(self.others + along), &ratio) + self.spread(&self.rows, &ratio),
+            swept: self.swept(&(self.others + along), &ratio),
             swept_slope: self.swept(&slope, &ratio).map(Interval::magnitude),
             slope,
             ratio,
@@ -186,7 +265,7 @@ impl<'a> Sums<'a> {
     }
 
     /// The sum at the middle of the patch.
-    pub(super) fn exactly(&self, chart: f64) -> Option<Vector6<Interval>> {
+    fn exactly(&self, chart: f64) -> Option<Vector6<Interval>> {
         let cable = self.view.seed.eliminated;
         let sight = &self.sights[cable];
         let here = self.view.prover.curves.hung(cable, sight, Interval::point(chart))?;
@@ -195,12 +274,12 @@ impl<'a> Sums<'a> {
 
     /// At a coordinate at which the sum is `exact` at the middle, by the mean value theorem over the pose; and how the
     /// sum changes with that.
-    pub(super) fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Piece, ByPose)> {
+    fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Piece, ByPose)> {
         let cable = self.view.seed.eliminated;
         let sight = &self.view.sights[cable];
         let chart = Interval::point(chart);
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
-        let mut piece = self.rough(&Rough::at(chart, &hung));
+        let mut piece = self.plain(&Rough::at(chart, &hung));
         let mut moving_n = self.by_pose_n;
         sight.add_by_pose(&mut moving_n, &hung, self.view.along);
         let rows = self.inverse.rows(&moving_n, self.view.along);
@@ -221,7 +300,7 @@ impl<'a> Sums<'a> {
         let swept = swept + self.spread(rows, &piece.ratio);
         for i in 0..CABLES {
             piece.sum[i] = piece.sum[i].intersection(sum[i])?;
-            piece.swept[i] = piece.swept[i].intersection(swept[i])?;
+            piece.swept[i] = swept[i];
         }
         Some(())
     }
@@ -236,7 +315,7 @@ impl<'a> Sums<'a> {
         let chart = Interval::new(from.min(to), from.max(to));
         let reach = curves.reach_at_once(cable, sight, chart)?;
         let Reach { force_n, by_chart_n, .. } = reach;
-        let mut piece = self.rough(&Rough { chart, force_n, by_chart_n });
+        let mut piece = self.plain(&Rough { chart, force_n, by_chart_n });
         // The slope.
         let mut turning_n = [Vector6::zeros(); COORDINATES];
         sight.add_moved(&mut turning_n, &reach.by_chart_n, &reach.turn_n, self.view.along);
@@ -263,18 +342,13 @@ impl<'a> Sums<'a> {
 
     /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
     /// towards `end`, beginning with about the distance `known`, which has the sign of the way.
-    pub(super) fn march(
-        &self,
-        at: f64,
-        known: f64,
-        end: f64,
-    ) -> Option<(Vec<Piece>, Vec<Piece>, f64)> {
+    fn march(&self, at: f64, known: f64, end: f64) -> Option<(Vec<Piece>, Vec<Piece>, f64)> {
         let cable = self.view.seed.eliminated;
         let (mut pieces, mut joints, mut chart) = (Vec::new(), Vec::new(), at);
         let mut exact = self.exactly(at)?;
         let mut step = FINEST * known;
         for _ in 0..MOST_FINE {
-            let longest = longest(chart, BEND);
+            let longest = stretch(chart, BEND);
             step = (GROWTH * step).clamp(-longest, longest);
             let is_last = (end - chart).abs() <= step.abs();
             let next = if is_last { end } else { chart + step };
@@ -309,7 +383,8 @@ impl Inverse {
         let across = at.elimination().inverse().row(cable).transpose();
         let mut columns = Matrix6::zeros();
         for i in 0..CABLES {
-            let column = balance.planes()[i].wrench_n(&at.points[i].force_by_chart_n);
+            let tangent = at.points[i].force_by_chart_n.normalize();
+            let column = balance.planes()[i].wrench_n(&tangent);
             columns.set_column(i, &column);
         }
         columns.set_column(cable, &(across / across.norm()));

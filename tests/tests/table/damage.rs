@@ -1,7 +1,9 @@
 //! What is damaged, makes no sense or is made for another robot is refused by name.
 
 use cdpr_core::chart::Start;
-use cdpr_core::table::{COORDINATES, Gap, MAX_DEPTH, Node, Plane, Table, TableFault};
+use cdpr_core::table::{
+    COORDINATES, Gap, MAX_DEPTH, Node, Plane, Table, TableFault, decoded, encoded,
+};
 use cdpr_core::{CABLES, Cable, Fault, Load, Pose, Real, Robot, Tracker};
 use cdpr_tests::{random, random_tests};
 use nalgebra::Vector3;
@@ -21,7 +23,7 @@ fn every_damage_is_refused_by_its_name() {
         let wanted = match bit / 8 {
             0..8 => TableFault::NotATable,
             8..10 => match u16::from_le_bytes([bytes[8], bytes[9]]) {
-                version @ 0..4 => TableFault::OlderVersion(version),
+                version @ 0..5 => TableFault::OlderVersion(version),
                 version => TableFault::NewerVersion(version),
             },
             12..16 => TableFault::WrongLength {
@@ -53,10 +55,10 @@ fn every_damage_is_refused_by_its_name() {
 }
 
 /// The header of the table of these tests, with other contents.
-fn made(words: &[u16], seeds: &[[u16; 8]]) -> Vec<u8> {
+fn made(words: &[u16], seeds: &[[u8; 8]]) -> Vec<u8> {
     let mut bytes = TABLE[..TREE].to_vec();
     bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
-    bytes.extend(seeds.iter().flatten().flat_map(|word| word.to_le_bytes()));
+    bytes.extend(seeds.iter().flatten());
     bytes.extend([0; 4]);
     let counts = [bytes.len(), words.len(), seeds.len()];
     for (k, count) in counts.into_iter().enumerate() {
@@ -76,46 +78,77 @@ fn split(coordinate: u16, skip: u16) -> u16 {
     coordinate << 12 | skip
 }
 
-/// A seed: cable 3 between -4 and 1, the others at 0.5, and a positive determinant.
-const SEED: [u16; 8] = [8 | 2, 0xc080, 0x3f80, 0x3f00, 0x3f00, 0x3f00, 0x3f00, 0x3f00];
+/// One half is not covered, and why.
+fn half(coordinate: u16, is_upper: bool, gap: u16) -> u16 {
+    coordinate << 12 | 0xff0 | u16::from(is_upper) << 3 | gap
+}
+
+/// A seed: cable 3 between -2.25 and 1, the others at 0.5, and a positive determinant. A size is one less than
+/// `2^exponent (1 + fraction/8)`, in quarters.
+const SEED: [u8; 8] = [8 | 2, 0x80 | 3 << 3 | 2, 2 << 3 | 2, HALF, HALF, HALF, HALF, HALF];
+const HALF: u8 = 1 << 3 | 4;
 
 #[test]
 fn seeds_that_make_no_sense_are_refused() {
-    const NAN: u16 = 0x7fc0;
-    const INFINITY: u16 = 0x7f80;
     let (start, _, _) = poses(&START);
     let (robot, load) = crane::<f32>();
-    // No such cable, bits that mean nothing, no bracket; and what is one, but leads nowhere.
+    // No such cable, bits that mean nothing, no bracket.
     let [kind, low, high, ..] = SEED;
     let beginnings = [
-        ([6, low, high], false),
-        ([15, low, high], false),
-        ([kind | 32, low, high], false),
-        ([kind | 0x8000, low, high], false),
-        ([kind, high, low], false),
-        ([kind, low, low], false),
-        ([kind, NAN, high], false),
-        ([kind, low, NAN], false),
-        ([kind, low, INFINITY], true),
-        ([kind, 0xff80, high], true),
-        ([kind, high, INFINITY], true),
+        [6, low, high],
+        [15, low, high],
+        [kind | 32, low, high],
+        [kind | 64, low, high],
+        [kind | 128, low, high],
+        [kind, high, low],
+        [kind, low, low],
+        [kind, 0, 0x80],
     ];
-    let damaged = beginnings.iter().map(|(beginning, opens)| {
+    for beginning in beginnings {
         let mut seed = SEED;
-        seed[..3].copy_from_slice(beginning);
-        (seed, *opens)
-    });
-    let nowhere = [NAN, INFINITY, 0xff80].map(|chart| {
-        let mut seed = SEED;
-        seed[3..].fill(chart);
-        (seed, true)
-    });
-    for (seed, opens) in damaged.chain(nowhere) {
+        seed[..3].copy_from_slice(&beginning);
         let bytes = made(&[CELL], &[seed]);
         let table = Table::open(&bytes).expect("opens");
-        assert_eq!(table.seed(0).is_some(), opens, "{seed:x?}");
+        assert_eq!(table.seed(0), None, "{seed:x?}");
         let states = table.states(&robot, &load, &start);
         assert_eq!(states, Err(TableFault::Malformed), "{seed:x?}");
+    }
+}
+
+/// Every coordinate that can be written, and what is made of all others.
+#[test]
+fn seeds_are_rounded_to_the_nearest_and_brackets_outwards() {
+    let of = |byte: u8| {
+        let size = 2.0_f32.powi(i32::from(byte >> 3 & 15)) * (1.0 + f32::from(byte & 7) / 8.0);
+        if byte >> 7 == 0 { (size - 1.0) / 4.0 } else { (1.0 - size) / 4.0 }
+    };
+    let start = |charts: [f32; CABLES], bracket: [f32; 2]| Start {
+        charts,
+        eliminated: 5,
+        bracket,
+        fold_at_slack_end: true,
+        is_positive: false,
+    };
+    for byte in (0..128).chain(129..=255) {
+        let seed = start([of(byte); CABLES], [-1e9, 1e9]);
+        assert_eq!(encoded(&seed), [5 | 16, 255, 127, byte, byte, byte, byte, byte]);
+    }
+    let mut chart = -20_000.0_f32;
+    while chart < 20_000.0 {
+        let seed = start([chart; CABLES], [chart - 1e-3, chart + 1e-3]);
+        let read = decoded(encoded(&seed));
+        let largest = of(127);
+        if chart.abs() < largest - 1.0 {
+            let read = read.expect("a bracket");
+            // Half of a step: an eighth of the size and a quarter.
+            let room = (chart.abs() + 0.25) / 16.0 * 1.000_01;
+            assert!((read.charts[0] - chart).abs() <= room, "{chart}: {read:?}");
+            assert!(read.bracket[0] <= chart - 1e-3 && read.bracket[1] >= chart + 1e-3, "{chart}");
+            assert!(read.bracket[1] - read.bracket[0] <= 4.0 * room + 2e-3, "{chart}: {read:?}");
+        } else if let Some(read) = read {
+            assert!(read.charts.iter().all(|c| c.abs() <= largest), "{chart}: {read:?}");
+        }
+        chart += 0.013 + chart.abs() * 0.003;
     }
 }
 
@@ -123,9 +156,9 @@ fn seeds_that_make_no_sense_are_refused() {
 fn a_right_checksum_does_not_hide_a_wrong_structure() {
     let seed = SEED;
     let wanted = Start {
-        charts: [0.5, 0.5, -0.25, 0.5, 0.5, 0.5],
+        charts: [0.5, 0.5, -0.0625, 0.5, 0.5, 0.5],
         eliminated: 2,
-        bracket: [-4.0, 1.0],
+        bracket: [-2.25, 1.0],
         fold_at_slack_end: false,
         is_positive: true,
     };
@@ -133,7 +166,7 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
     let (robot, load) = crane::<f32>();
     let at = |bytes: &[u8]| Table::open(bytes).expect("opens").start_at(&start);
     // At the start, with which half of the region the lower one is.
-    let good: [&[u16]; 8] = [
+    let good: [&[u16]; 10] = [
         &[CELL],
         &[CELL | 0x3fff, 0, 0], // the number in two words
         &[split(0, 2), CELL, CELL],
@@ -142,11 +175,13 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         &[TRIM | 0x7ff, 0x1f, CELL],    // a component of -1
         &[TRIM_TURNED | 1, 0, 0, CELL], // with words for turns
         &[split(0, 3), TRIM | 1, 0, CELL, CELL],
+        &[half(0, true, 1), CELL], // the start is in the upper half of x, and in the lower half of that
+        &[half(0, true, 3), half(0, false, 0), CELL],
     ];
     for words in good {
         assert_eq!(at(&made(words, &[seed])), Ok(wanted), "{words:x?}");
     }
-    let malformed: [(&[u16], usize); 20] = [
+    let malformed: [(&[u16], usize); 21] = [
         (&[CELL | 1], 1), // a seed that is not there
         (&[CELL | 0x3ffe], 1),
         (&[CELL | 0x3fff, 1, 0], 1),
@@ -156,7 +191,8 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         (&[CELL], 0),
         (&[split(0, 1), CELL, CELL], 1), // both halves at one place
         (&[split(0, 2), CELL], 1),       // beyond the end
-        (&[split(0, 0xfff)], 1),
+        (&[half(0, false, 0)], 1),
+        (&[split(0, 0xfef), CELL], 1),
         (&[split(0, 0), 0, 0], 1),
         (&[split(0, 0), 3, 0, CELL, CELL], 1),
         (&[split(0, 0), 0xffff, 0xffff, CELL, CELL], 1),
@@ -184,7 +220,15 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         let bytes = made(&words, &[seed]);
         assert_eq!(Table::open(&bytes).expect("opens").start_at(&edge), wanted, "{depth}");
     }
-    // A lower half too long for one word: host and core agree on what is written then.
+}
+
+/// Host and core agree on what is written.
+#[test]
+fn every_node_is_read_as_it_was_written() {
+    let seed = SEED;
+    let (start, _, _) = poses(&START);
+    let at = |bytes: &[u8]| Table::open(bytes).expect("opens").start_at(&start);
+    // A lower half too long for one word.
     let node = Node::Split { coordinate: 2, lower: 0, upper: 5000 };
     let (words, count) = node.encode();
     let words = [&words[..count], &[CELL; 5001]].concat();
@@ -217,6 +261,16 @@ fn a_right_checksum_does_not_hide_a_wrong_structure() {
         let possible = answers(&reader, &reader.leaves(), &place);
         assert!(possible.contains(&table.start_at(&pose)), "case {case}");
     }
+    // The half in which the start is not covered, and why.
+    for (code, gap) in (0..).zip(Gap::ALL) {
+        let words = [half(0, true, 7 - code), half(0, true, code), CELL];
+        let bytes = made(&words, &[seed]);
+        assert_eq!(at(&bytes), Err(TableFault::Uncovered(gap)), "{code}");
+        let table = Table::open(&bytes).expect("opens");
+        for (place, word) in words[..2].iter().enumerate() {
+            assert_eq!(table.node(place).expect("a node").encode(), ([*word, 0, 0], 1));
+        }
+    }
     // Gaps of today and of tomorrow.
     for (code, gap) in
         (0..).zip(Gap::ALL).chain([(8, Gap::Other), (77, Gap::Other), (255, Gap::Other)])
@@ -234,10 +288,10 @@ fn a_wrong_header_is_refused_though_the_checksum_is_right() {
         let bytes = repaired(bytes);
         Table::open(&bytes).map(|_| ())
     };
-    for version in [0, 1, 2, 3] {
+    for version in 0..5 {
         assert_eq!(with(8, &[version, 0]), Err(TableFault::OlderVersion(u16::from(version))));
     }
-    assert_eq!(with(8, &[5, 0]), Err(TableFault::NewerVersion(5)));
+    assert_eq!(with(8, &[6, 0]), Err(TableFault::NewerVersion(6)));
     for model in [0, 2, 255] {
         assert_eq!(with(10, &[model]), Err(TableFault::OtherModel(model)));
     }

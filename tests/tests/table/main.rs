@@ -152,8 +152,14 @@ impl Reader<'_> {
     }
 
     fn seed(&self, at: usize) -> Start<f32> {
-        let number = |word: usize| f32::from_bits(u32::from(self.short(at + 2 * word)) << 16);
-        let kind = self.short(at);
+        let bytes = &self.0[at..at + 8];
+        // Sign, exponent and fraction of a coordinate.
+        let number = |k: usize| {
+            let (sign, exponent, fraction) = (bytes[k] >> 7, bytes[k] >> 3 & 15, bytes[k] & 7);
+            let size = 2.0_f32.powi(i32::from(exponent)) * (1.0 + f32::from(fraction) / 8.0);
+            (1.0 - 2.0 * f32::from(sign)) * (size - 1.0) / 4.0
+        };
+        let kind = bytes[0];
         let (eliminated, bracket) = (usize::from(kind & 7), [number(1), number(2)]);
         // The mean of the square roots, with signs, squared.
         let root = |x: f32| x.abs().sqrt().copysign(x);
@@ -190,18 +196,29 @@ impl Reader<'_> {
                 }
                 0 | 1 => {
                     let k = word >> 12;
+                    let middle = 0.5 * (low[k] + high[k]);
+                    let (mut lower, mut upper) = (high, low);
+                    (lower[k], upper[k]) = (middle, middle);
+                    let halves = [(low, lower), (upper, high)];
+                    if word & 0xff0 == 0xff0 {
+                        let which = word >> 3 & 1;
+                        let ((from, to), (low, high)) = (halves[which], halves[1 - which]);
+                        stack.push((node + 1, from, to, plane));
+                        let what = What::Nothing(u32::from(short & 7));
+                        leaves.push(Leaf { low, high, plane, what });
+                        continue;
+                    }
                     let (first, second) = match word & 0xfff {
                         0 => (node + 3, node + long()),
                         skip => (node + 1, node + skip),
                     };
-                    let middle = 0.5 * (low[k] + high[k]);
-                    let (mut lower, mut upper) = (high, low);
-                    (lower[k], upper[k]) = (middle, middle);
-                    stack.extend([(first, low, lower, plane), (second, upper, high, plane)]);
+                    for (next, (low, high)) in [first, second].into_iter().zip(halves) {
+                        stack.push((next, low, high, plane));
+                    }
                 }
                 2 => {
                     let seed = if word & 0x3fff == 0x3fff { long() } else { word & 0x3fff };
-                    let start = self.seed(seeds_at + 16 * seed);
+                    let start = self.seed(seeds_at + 8 * seed);
                     leaves.push(Leaf { low, high, plane, what: What::Cell(start) });
                 }
                 _ => {
@@ -334,24 +351,24 @@ fn apart(a: &[CableState<f64>; CABLES], b: &[CableState<f64>; CABLES]) -> f64 {
 }
 
 /// Nothing but the certificate refuses.
-fn unlimited() -> TrackerSettings<f32> {
+fn unlimited<T: Real>() -> TrackerSettings<T> {
     TrackerSettings {
-        period_s: 1e-3,
-        largest_move_m: 4e-3,
-        least_distance: 0.0,
-        fold_horizon_s: 0.0,
-        largest_error_n: 1e6,
+        period_s: T::constant(1e-3),
+        largest_move_m: T::constant(4e-3),
+        least_distance: T::zero(),
+        fold_horizon_s: T::zero(),
+        largest_error_n: T::constant(1e6),
         cables: [CableLimits {
-            shortest_m: 0.0,
-            longest_m: 1e9,
-            fastest_m_s: 1e9,
-            lowest_tension_n: 0.0,
-            highest_tension_n: 1e9,
+            shortest_m: T::zero(),
+            longest_m: T::constant(1e9),
+            fastest_m_s: T::constant(1e9),
+            lowest_tension_n: T::zero(),
+            highest_tension_n: T::constant(1e9),
         }; CABLES],
     }
 }
 
-fn still(pose: Pose<f32>) -> SetPoint<f32> {
+fn still<T: Real>(pose: Pose<T>) -> SetPoint<T> {
     SetPoint {
         pose,
         twist: Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() },
