@@ -68,16 +68,19 @@ pub(super) struct Heading {
 impl Heading {
     /// `None` where it may turn back.
     pub(super) fn new(reach: &Reach, direction: &Vector2<f64>) -> Option<Self> {
+        // Of unit length but for rounding.
+        const LENGTH: f64 = 8.0 * f64::EPSILON;
         let direction = *direction;
-        let (rate_n, aside_n) = seen(&reach.by_chart_n, &direction);
+        let (along_n, aside_n) = seen(&reach.by_chart_n, &direction);
+        let rate_n = along_n * Interval::around(1.0, LENGTH);
         let is_on = rate_n.low() > 0.0; // false for NaN
         if !is_on {
             return None;
         }
-        let slant = aside_n / rate_n;
+        let slant = aside_n / along_n;
         let turn = reach.turn_n.map(|turn_n| {
             let (along, aside) = seen(&turn_n, &direction);
-            let by_end = (aside - slant * along) / rate_n;
+            let by_end = (aside - slant * along) / along_n;
             Vector2::new(-direction.y, direction.x).map(|c| by_end * Interval::point(c))
         });
         Some(Self { direction, rate_n, slant, turn })

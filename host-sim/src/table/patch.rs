@@ -153,7 +153,10 @@ impl Patch {
     fn range(&self, gradient: &[Interval], factor: f64) -> Interval {
         let cut = self.cut.as_ref().filter(|_| factor != 0.0);
         let (mut low, mut high, mut radius, mut size) = (0.0, 0.0, 0.0, 0.0);
-        for (k, (gradient, aside)) in gradient.iter().zip(&self.aside).enumerate() {
+        // What is not given of the gradient is zero; not so the rest of the normal there.
+        let count = cut.map_or(gradient.len(), |_| COORDINATES);
+        for (k, aside) in self.aside.iter().take(count).enumerate() {
+            let gradient = gradient.get(k).copied().unwrap_or(Interval::zero());
             let (middle, known) =
                 (gradient.middle(), cut.map_or(0.0, |cut| factor * cut.normal[k]));
             let ends = [aside.low(), aside.high()].map(|end| (middle - known) * end);
@@ -216,6 +219,18 @@ mod tests {
                 let pose = region.at(&place);
                 assert!(half.contains(&pose), "{seed}");
                 let patch = patch.expect("a pose is in it");
+                // Of the positions only, as where turns are hardly any, and of all; anyhow, and across the plane.
+                for middle in [gradient.map(Interval::middle), half.normal] {
+                    let gradient = middle.map(|g| Interval::around(g, 0.01 * g.abs()));
+                    for count in [3, COORDINATES] {
+                        let part = 0.01 * random.random_range(-1.0..1.0);
+                        let moved: f64 = (0..count)
+                            .map(|k| middle[k] * (1.0 + part) * (pose[k] - patch.middle[k]))
+                            .sum();
+                        let spread = patch.spread(&gradient[..count]);
+                        assert!(spread.contains(moved), "{seed}: {moved} not in {spread:?}");
+                    }
+                }
                 let moved: f64 = (0..COORDINATES)
                     .map(|k| {
                         let g = gradient[k].middle() + random.random_range(-0.01..0.01);
