@@ -53,6 +53,12 @@
 //! A table holds for every robot whose parameters differ from its own by no more than the part
 //! [`LIKENESS`], which covers those that were rounded to `f32` on another way.
 
+mod node;
+mod seed;
+
+pub use node::{Node, Plane};
+pub use seed::{decoded, encoded};
+
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 use crate::chart::{self, Charted, Start};
@@ -116,22 +122,6 @@ pub const WORD_BYTES: usize = 2;
 pub const SEED_BYTES: usize = 8;
 /// See [`WORD_BYTES`].
 pub const CRC_BYTES: usize = 4;
-
-/// Bits of a split that tell where its upper half is, and of a cell that tell its seed.
-const SKIP: u16 = (1 << 12) - 1;
-const SEED: u16 = (1 << 14) - 1;
-/// From here on these bits of a split tell that one half is not covered: whether it is the lower one, and why.
-const ONE_HALF: u16 = 0xff0;
-const UPPER_HALF: u16 = 1 << 3;
-const WHY: u16 = UPPER_HALF - 1;
-/// A trim by its position only, and by its turn as well.
-const TRIM: u16 = 6 << 12;
-const TRIM_TURNED: u16 = 7 << 12;
-/// Bits of a component of a normal.
-const COMPONENT: usize = 5;
-/// Kinds that are no split.
-const CELL: u16 = 0b10 << 14;
-const NOTHING: u16 = 0b11 << 14;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
@@ -273,122 +263,6 @@ impl core::fmt::Display for TableFault {
 }
 
 impl core::error::Error for TableFault {}
-
-/// What a node says. Places are counted in words of the tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Node {
-    /// The box is halved in a coordinate.
-    Split {
-        /// 0 to 5.
-        coordinate: usize,
-        /// Place of the node of the lower half.
-        lower: usize,
-        /// Place of the node of the upper half, behind all of the lower one.
-        upper: usize,
-    },
-    /// The box is halved in a coordinate, and one half is not covered.
-    Half {
-        /// 0 to 5.
-        coordinate: usize,
-        /// Whether the upper half is the other one.
-        is_upper: bool,
-        /// Place of its node.
-        inside: usize,
-        /// Why the rest is not covered: one of [`Gap::ALL`].
-        gap: Gap,
-    },
-    /// A cell.
-    Cell {
-        /// Index of its seed.
-        seed: usize,
-    },
-    /// What is beyond a plane is not covered: [`Gap::Fold`].
-    Trim {
-        /// The plane.
-        plane: Plane,
-        /// Place of the node of what is left.
-        inside: usize,
-    },
-    /// No cell.
-    Nothing(Gap),
-}
-
-/// A plane in a box whose coordinates run from 0 to 1 each. What is beyond it has `normal . t > offset/16`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Plane {
-    /// Its direction: components up to [`Plane::LARGEST`] in size are written.
-    pub normal: [i8; COORDINATES],
-    /// See above: up to [`Plane::FARTHEST`] in size is written.
-    pub offset: i16,
-}
-
-impl Plane {
-    /// The largest component of a normal.
-    pub const LARGEST: i8 = 15;
-    /// The largest offset.
-    pub const FARTHEST: i16 = (1 << 11) - 1;
-    /// Units of the offset in one of the normal.
-    pub const PER_UNIT: f64 = 16.0;
-
-    /// Whether a place in the box is beyond it.
-    #[inline]
-    #[must_use]
-    pub fn is_beyond<T: Real>(&self, place: &[T; COORDINATES]) -> bool {
-        let number = |n: i16| T::constant(f64::from(n));
-        let terms = self.normal.iter().zip(place).map(|(n, t)| number(i16::from(*n)) * *t);
-        let along = terms.fold(T::zero(), |sum, term| sum + term);
-        along > number(self.offset) * T::constant(1.0 / Self::PER_UNIT)
-    }
-}
-
-/// Three components of a normal in a word, and back.
-fn packed(components: &[i8]) -> u16 {
-    let bits = |n: &i8| u16::from(n.cast_unsigned()) & ((1 << COMPONENT) - 1);
-    components.iter().rev().fold(0, |word, n| word << COMPONENT | bits(n))
-}
-
-#[allow(clippy::cast_possible_truncation)] // five bits
-fn component(word: u16, k: usize) -> i8 {
-    // To the highest bits, and back with the sign.
-    let highest = 16 - COMPONENT;
-    ((word << (highest - COMPONENT * (k % 3))).cast_signed() >> highest) as i8
-}
-
-impl Node {
-    /// As it is written: the first so many of the words. Of a split the distance between its halves counts, not
-    /// where they are. Numbers beyond [`MAX_SEEDS`] and [`MAX_WORDS`] do not fit.
-    #[must_use]
-    #[allow(clippy::cast_possible_truncation)] // see there
-    pub fn encode(self) -> ([u16; 3], usize) {
-        let short = |word: u16| ([word, 0, 0], 1);
-        let long = |word: u16, number: usize| ([word, number as u16, (number >> 16) as u16], 3);
-        match self {
-            Self::Split { coordinate, lower, upper } => {
-                let word = (coordinate as u16) << 12;
-                let skip = upper.saturating_sub(lower).saturating_add(1);
-                if skip < usize::from(ONE_HALF) {
-                    short(word | skip as u16)
-                } else {
-                    long(word, skip.saturating_add(2))
-                }
-            }
-            Self::Half { coordinate, is_upper, gap, .. } => {
-                let half = if is_upper { UPPER_HALF } else { 0 };
-                short((coordinate as u16) << 12 | ONE_HALF | half | gap.code() as u16 & WHY)
-            }
-            Self::Cell { seed } if seed < usize::from(SEED) => short(CELL | seed as u16),
-            Self::Cell { seed } => long(CELL | SEED, seed),
-            Self::Trim { plane, .. } => {
-                let (position, turn) = plane.normal.split_at(3);
-                let turned = turn.iter().any(|n| *n != 0);
-                let kind = if turned { TRIM_TURNED } else { TRIM };
-                let word = kind | plane.offset.cast_unsigned() & SKIP;
-                ([word, packed(position), packed(turn)], if turned { 3 } else { 2 })
-            }
-            Self::Nothing(gap) => short(NOTHING | gap.code() as u16),
-        }
-    }
-}
 
 /// A table in flash: borrowed bytes that have been checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -633,51 +507,8 @@ impl<'a> Table<'a> {
     #[inline]
     #[must_use]
     pub fn node(&self, index: usize) -> Option<Node> {
-        let word = |index: usize| {
-            (index < self.words).then(|| u16_at(self.bytes, offset::TREE + WORD_BYTES * index))
-        };
-        // The number in the two words behind this one.
-        let long = || {
-            let halves = (usize::from(word(index + 1)?), usize::from(word(index + 2)?));
-            Some(halves.0 | halves.1 << 16)
-        };
-        let first = word(index)?;
-        let kind = first & !SKIP;
-        if kind == TRIM || kind == TRIM_TURNED {
-            let position = word(index + 1)?;
-            let (turn, inside) = match kind {
-                TRIM => (0, index + 2),
-                _ => (word(index + 2)?, index + 3),
-            };
-            let normal =
-                core::array::from_fn(|k| component(if k < 3 { position } else { turn }, k));
-            // Twelve bits, the highest of which is the sign.
-            let plane = Plane { normal, offset: (first << 4).cast_signed() >> 4 };
-            (inside < self.words).then_some(Node::Trim { plane, inside })
-        } else if first & CELL == 0 {
-            let coordinate = usize::from(first >> 12);
-            if first & SKIP >= ONE_HALF {
-                let gap = Gap::of_code(u32::from(first & WHY));
-                let (is_upper, inside) = (first & UPPER_HALF != 0, index + 1);
-                let half = Node::Half { coordinate, is_upper, inside, gap };
-                return (inside < self.words).then_some(half);
-            }
-            let (lower, skip) = match first & SKIP {
-                0 => (index + 3, long()?),
-                skip => (index + 1, usize::from(skip)),
-            };
-            let upper = index.checked_add(skip)?;
-            let is_node = coordinate < COORDINATES && upper > lower && upper < self.words;
-            is_node.then_some(Node::Split { coordinate, lower, upper })
-        } else if first & NOTHING == CELL {
-            let seed = match first & SEED {
-                SEED => long()?,
-                seed => usize::from(seed),
-            };
-            Some(Node::Cell { seed })
-        } else {
-            Some(Node::Nothing(Gap::of_code(u32::from(first & 0xff))))
-        }
+        let word = |index: usize| u16_at(self.bytes, offset::TREE + WORD_BYTES * index);
+        Node::decode(index, self.words, word)
     }
 
     /// A seed. `None` when there is none, or it makes no sense.
@@ -691,19 +522,6 @@ impl<'a> Table<'a> {
     }
 }
 
-/// Bits of the first byte of a seed, besides the eliminated cable.
-const IS_POSITIVE: u8 = 1 << 3;
-const FOLD_AT_SLACK_END: u8 = 1 << 4;
-/// Bit of the other bytes that tells that the coordinate is negative.
-const IS_NEGATIVE: u8 = 1 << 7;
-/// Coordinates are written as a part of their size and this, up to [`FARTHEST`].
-const NEAR: f32 = 0.25;
-/// The largest size of a coordinate that is written: 15,360 less [`NEAR`].
-const FARTHEST: u8 = IS_NEGATIVE - 1;
-/// Bits of an `f32` that a byte leaves out, after the three upper ones of its fraction; and those of 1.
-const LEFT_OUT: u32 = 20;
-const ONE: u32 = 1.0_f32.to_bits();
-
 /// Whether a place in a box, from 0 to 1, is in its upper half; the place in that half then.
 #[inline]
 fn in_upper_half<T: Real>(along: &mut T) -> bool {
@@ -714,66 +532,6 @@ fn in_upper_half<T: Real>(along: &mut T) -> bool {
         *along -= T::one();
     }
     is_upper
-}
-
-/// A coordinate in a byte: bit 7 its sign, the others four bits of exponent and three of fraction, as an `f32` would have
-/// them, of its size in quarters plus one. `rounding` is added to what is left out.
-#[allow(clippy::cast_possible_truncation)] // below 128
-fn byte_of(chart: f32, rounding: u32) -> u8 {
-    let size = (chart.abs() / NEAR + 1.0).to_bits().saturating_sub(ONE);
-    let byte = (size.saturating_add(rounding) >> LEFT_OUT).min(u32::from(FARTHEST)) as u8;
-    if chart < 0.0 { byte | IS_NEGATIVE } else { byte }
-}
-
-#[inline]
-fn chart_of(byte: u8) -> f32 {
-    let size = f32::from_bits(ONE + (u32::from(byte & FARTHEST) << LEFT_OUT)) - 1.0;
-    if byte & IS_NEGATIVE == 0 { NEAR * size } else { -NEAR * size }
-}
-
-/// A seed as it is written.
-///
-/// Bits 0 to 2 of the first byte are the eliminated cable (0 to 5), bit 3 is set where the determinant is positive, bit 4
-/// where a fold is at the slack end (see [`Start`]). Then come the bracket of its coordinate and the coordinates of the
-/// five others, in their order, a byte each: bit 7 is set for negative ones; bits 0 to 6 are exponent (four) and fraction
-/// (three) of one plus four times the size, `2^exponent (1 + fraction/8)`. So coordinates, rounded to the nearest, are
-/// good to one part in 16 or to 1/64, which is enough, as Newton's method starts from anywhere near; brackets are made
-/// wider.
-#[must_use]
-#[allow(clippy::cast_possible_truncation)] // below eight
-pub fn encoded(seed: &Start<f32>) -> [u8; SEED_BYTES] {
-    const NEAREST: u32 = 1 << (LEFT_OUT - 1);
-    const UP: u32 = (1 << LEFT_OUT) - 1;
-    let bit = |is_set: bool, bit: u8| if is_set { bit } else { 0 };
-    let kind = (seed.eliminated & 7) as u8
-        | bit(seed.is_positive, IS_POSITIVE)
-        | bit(seed.fold_at_slack_end, FOLD_AT_SLACK_END);
-    let [low, high] = seed.bracket;
-    let low = byte_of(low, if low < 0.0 { UP } else { 0 });
-    let high = byte_of(high, if high < 0.0 { 0 } else { UP });
-    let mut bytes = [kind, low, high, 0, 0, 0, 0, 0];
-    let others = seed.charts.iter().enumerate().filter(|(i, _)| *i != seed.eliminated);
-    for (byte, (_, chart)) in bytes.iter_mut().skip(3).zip(others) {
-        *byte = byte_of(*chart, NEAREST);
-    }
-    bytes
-}
-
-/// The inverse of [`encoded`]; `None` when the bytes make no sense. The coordinate of the eliminated cable is between
-/// those of the bracket.
-#[inline]
-#[must_use]
-pub fn decoded([kind, low, high, others @ ..]: [u8; SEED_BYTES]) -> Option<Start<f32>> {
-    let (eliminated, bracket) = (usize::from(kind & 7), [chart_of(low), chart_of(high)]);
-    let is_sound = eliminated < CABLES && kind >> 5 == 0 && bracket[0] < bracket[1];
-    let mut charts = [chart::between(bracket[0], bracket[1]); CABLES];
-    let free = charts.iter_mut().enumerate().filter(|(i, _)| *i != eliminated);
-    for ((_, chart), byte) in free.zip(others) {
-        *chart = chart_of(byte);
-    }
-    let is_positive = kind & IS_POSITIVE != 0;
-    let fold_at_slack_end = kind & FOLD_AT_SLACK_END != 0;
-    is_sound.then_some(Start { charts, eliminated, bracket, fold_at_slack_end, is_positive })
 }
 
 /// Position (m) and turn vector of a pose; `None` for turns of a right angle and more.
