@@ -4,7 +4,7 @@ use std::io::Write;
 use std::num::NonZeroU16;
 use std::path::{Path, PathBuf};
 
-use cdpr_core::table::{COORDINATES, Node, Table};
+use cdpr_core::table::{COORDINATES, Gap, Node, Table};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
@@ -15,7 +15,9 @@ use super::{
 use crate::choice::Choice;
 use crate::in_order;
 use crate::journal::{self, Journal, Shard};
-use crate::table::{Effort, LEVEL, Order, OrderError, Outcome, Sheets, Verification, verify};
+use crate::table::{
+    Effort, LEVEL, Order, OrderError, Outcome, PoseBox, Sheets, Verification, verify,
+};
 
 const SHARD_HELP: &str = "\
 Make only part K of N, counted from 1; --out is then a file for `cdpr table merge`, which gives the same bytes \
@@ -299,48 +301,38 @@ struct Contents {
     uncovered: Vec<Uncovered>,
 }
 
-/// The lower and the upper half of a box: lower and upper ends of each.
-fn halves<const N: usize>(low: [f64; N], high: [f64; N], k: usize) -> [([f64; N], [f64; N]); 2] {
-    let middle = 0.5 * (low[k] + high[k]);
-    let (mut below, mut above) = (high, low);
-    below[k] = middle;
-    above[k] = middle;
-    [(low, below), (above, high)]
-}
-
 impl Inspect {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let bytes = read(&self.table)?;
         let table = open(&self.table, &bytes)?;
         let (low, extent) = (table.low().map(f64::from), table.extent().map(f64::from));
-        let high = std::array::from_fn(|k| low[k] + extent[k]);
-        let (mut cells, mut uncovered) = (0, Vec::new());
-        let mut stack = vec![(0, low, high)];
+        let region = PoseBox { low, high: std::array::from_fn(|k| low[k] + extent[k]) };
+        let mut cells = 0;
+        let mut uncovered = Vec::new();
+        let mut leave_out = |PoseBox { low, high }: PoseBox, gap: Gap| {
+            uncovered.push(Uncovered { low, high, reason: gap.to_string() });
+        };
+        let mut stack = vec![(0, region)];
         let mut seen = 0;
-        while let Some((index, low, high)) = stack.pop() {
+        while let Some((index, part)) = stack.pop() {
             seen += 1;
             // In a tree no node is met twice.
             match table.node(index).filter(|_| seen <= table.words()) {
                 Some(Node::Split { coordinate, lower, upper }) => {
-                    let [below, above] = halves(low, high, coordinate);
-                    stack.push((upper, above.0, above.1));
-                    stack.push((lower, below.0, below.1));
+                    let [below, above] = part.halves(coordinate);
+                    stack.extend([(upper, above), (lower, below)]);
                 }
                 Some(Node::Half { coordinate, is_upper, inside, gap }) => {
-                    let [below, above] = halves(low, high, coordinate);
-                    let (in_it, not) = if is_upper { (above, below) } else { (below, above) };
-                    uncovered.push(Uncovered { low: not.0, high: not.1, reason: gap.to_string() });
-                    stack.push((inside, in_it.0, in_it.1));
+                    let halves = part.halves(coordinate);
+                    leave_out(halves[usize::from(!is_upper)], gap);
+                    stack.push((inside, halves[usize::from(is_upper)]));
                 }
                 Some(Node::Trim { inside, .. }) => {
-                    let reason = cdpr_core::table::Gap::Fold.to_string();
-                    uncovered.push(Uncovered { low, high, reason });
-                    stack.push((inside, low, high));
+                    leave_out(part, Gap::Fold);
+                    stack.push((inside, part));
                 }
                 Some(Node::Cell { .. }) => cells += 1,
-                Some(Node::Nothing(gap)) => {
-                    uncovered.push(Uncovered { low, high, reason: gap.to_string() });
-                }
+                Some(Node::Nothing(gap)) => leave_out(part, gap),
                 _ => {
                     let fault = cdpr_core::TableFault::Malformed;
                     let path = self.table.display().to_string();
@@ -379,7 +371,7 @@ impl Inspect {
         for (k, name) in
             ["x [m]", "y [m]", "z [m]", "turn x", "turn y", "turn z"].iter().enumerate()
         {
-            writeln!(out, "  {name:7} {:12.6} .. {:.6}", low[k], high[k])?;
+            writeln!(out, "  {name:7} {:12.6} .. {:.6}", region.low[k], region.high[k])?;
         }
         writeln!(
             out,

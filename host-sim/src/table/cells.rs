@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::border::Edge;
 use super::outlook::Outlook;
 use super::patch::{HalfSpace, Patch};
-use super::place::{Point, PoseBox, largest};
+use super::place::{Point, PoseBox, largest, spread};
 use super::proof::{Prover, Verdict};
 use super::survey::{Found, Survey};
 
@@ -33,12 +33,14 @@ const MOST_TURN: f64 = 0.5;
 const MOST_DEFECT: f64 = 0.3;
 /// A box for which none is tried gives its parts a seed to share if it turns less than this.
 const DEFECT_OF_SEEDS: f64 = 0.9;
-/// Where so many halvings are left a box is proven part by part, with so many halvings beyond those of the smallest cells.
-const PIECED: [(u8, u8); 5] = [(12, 6), (9, 6), (6, 6), (3, 6), (0, 6)];
-/// Where so many are left it is trimmed, so far before the fold, in sides of the box; halvings as well.
+/// Where so many halvings are left a box is proven part by part.
+const PIECED: [u8; 5] = [12, 9, 6, 3, 0];
+/// Where so many are left it is trimmed, so far before the fold, in sides of the box.
 const ROOMS: [(u8, &[f64]); 3] = [(9, &[0.02]), (6, &[0.02]), (3, &[0.02, 0.08, 0.2])];
-const TRIM_HALVINGS: u8 = 6;
-/// Poses at which a seed is to lead to a solution before it is tried for a box part by part, besides its corners.
+/// Halvings of parts beyond those of the smallest cells.
+const PIECE_HALVINGS: u8 = 6;
+/// Poses of a box that are looked at before it is said that a seed leads to solutions all over it, besides its corners, or
+/// that it is beyond the limits.
 const POSES_LED: usize = 64;
 /// Seeds of others that are tried before one of its own, where a box is proven part by part.
 const SHARED_SEEDS: usize = 1;
@@ -264,8 +266,8 @@ impl Tiler<'_> {
             Err(why) => why,
         };
         let left = self.effort.depth - depth;
-        if let Some((_, more)) = PIECED.iter().find(|(at, _)| *at == left) {
-            let pieces = Pieces { part, half: None, halvings: left + more };
+        if PIECED.contains(&left) {
+            let pieces = Pieces { part, half: None, halvings: left + PIECE_HALVINGS };
             if let Some(cell) = self.pieced(&pieces, &given, &own, memory) {
                 return Plan::Cell(cell);
             }
@@ -344,7 +346,7 @@ impl Tiler<'_> {
                 .follow(at, found, &middle)
                 .and_then(|found| Outlook::new(self.prover, part, &middle, &found.charts));
             let own = outlook.and_then(|outlook| outlook.starts.first().map(written));
-            let pieces = Pieces { part, half: Some(&half), halvings: left + TRIM_HALVINGS };
+            let pieces = Pieces { part, half: Some(&half), halvings: left + PIECE_HALVINGS };
             let cell = self.pieced(&pieces, given, own.as_slice(), memory)?;
             Some(Plan::Trim { plane, cell })
         })
@@ -417,13 +419,13 @@ impl Tiler<'_> {
     /// Whether a seed leads to solutions at the corners of some pieces and all over them.
     fn leads_over(&self, seed: Seed, pieces: &Pieces) -> bool {
         let Pieces { part, half, .. } = pieces;
-        let all = corners(part).chain((0..POSES_LED).map(|n| part.at(&spread(n))));
+        let all = corners(part).chain(part.spread(POSES_LED));
         all.filter(|at| half.is_none_or(|half| half.contains(at))).all(|at| self.leads(seed, &at))
     }
 
     /// Whether the sheet is found within its limits anywhere in a box.
     fn is_within(&self, part: &PoseBox) -> bool {
-        let mut poses = (0..POSES_LED).map(|n| part.at(&spread(n)));
+        let mut poses = part.spread(POSES_LED);
         poses.any(|at| self.survey.solution(&at).is_some_and(|found| found.length_share <= 1.0))
     }
 
@@ -498,18 +500,4 @@ impl Tiler<'_> {
         places.sort_by(|a, b| far(a).total_cmp(&far(b)));
         places.iter().find_map(|t| solution(part.at(t)))
     }
-}
-
-/// The `n`th of points that fill the unit cube evenly: an additive recurrence by the powers of the root of
-/// `x^7 = x + 1` (M. Roberts).
-pub(super) fn spread(n: usize) -> Point {
-    const ROOT: f64 = 1.112_775_684_278_705_5;
-    std::array::from_fn(|k| {
-        let mut step = 1.0;
-        for _ in 0..=k {
-            step /= ROOT;
-        }
-        let t = 0.5 + step * n as f64;
-        t - t.floor()
-    })
 }

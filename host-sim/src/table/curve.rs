@@ -136,23 +136,15 @@ impl Curves {
         chart: Interval,
         direction: &Vector2<f64>,
     ) -> Option<Interval> {
-        let at = |chart: f64| {
-            let hung = self.hung(i, sight, Interval::point(chart))?;
-            let (rate_n, aside_n) = seen(&hung.force_by_chart_n, direction);
-            Some(aside_n / rate_n)
-        };
-        if chart.radius() <= LEAST_RADIUS {
-            let heading = Heading::new(&self.reach_at_once(i, sight, chart)?, direction)?;
-            return Some(heading.slant);
-        }
         let mut all: Option<Interval> = None;
         for part in parts(chart) {
-            let reach = self.reach_at_once(i, sight, part)?;
+            let (reach, middle_n) = self.reach_about(i, sight, part)?;
             let heading = Heading::new(&reach, direction)?;
+            let (rate_n, aside_n) = seen(&middle_n, direction);
             // By the mean value theorem: all along the curve its parts change together.
             let (along, aside) = seen(&reach.bend_n, direction);
             let by_chart = (aside - heading.slant * along) / heading.rate_n;
-            let near = at(part.middle())? + by_chart * Interval::symmetric(part.radius());
+            let near = aside_n / rate_n + by_chart * Interval::symmetric(part.radius());
             let slant = heading.slant.intersection(near)?;
             all = Some(all.map_or(slant, |all| all.hull(slant)));
         }
@@ -190,6 +182,16 @@ impl Curves {
 
     /// One cable over a range of its coordinate, with the second derivative.
     pub(super) fn reach_at_once(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Reach> {
+        Some(self.reach_about(i, sight, chart)?.0)
+    }
+
+    /// And the first derivative in the middle of the range.
+    fn reach_about(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+    ) -> Option<(Reach, Vector2<Interval>)> {
         let (root, strain, hung) = self.hung_at(i, sight, chart)?;
         let (_, slope) = chart_of_root(root);
         let by_chart = Interval::one() / slope;
@@ -215,13 +217,9 @@ impl Curves {
         let by_end_n = [hung.force_by_x_n_m, hung.force_by_z_n_m];
         let known = [hung.force_n, hung.force_by_chart_n, bend_n];
         let mut known = known.iter().chain(&by_end_n).chain(&turn_n);
-        known.all(|v| size(v).is_bounded()).then_some(Reach {
-            force_n,
-            by_chart_n,
-            bend_n,
-            by_end_n,
-            turn_n,
-        })
+        let is_known = known.all(|v| size(v).is_bounded());
+        let reach = Reach { force_n, by_chart_n, bend_n, by_end_n, turn_n };
+        is_known.then_some((reach, middle.force_by_chart_n))
     }
 
     /// Only the first derivative, of which the second is known already.

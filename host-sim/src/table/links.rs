@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use cdpr_core::CABLES;
 use cdpr_core::table::{COORDINATES, Gap};
 
-use super::cells::{Cell, Plan, spread, started};
+use super::cells::{Cell, Plan, started};
 use super::outlook::Outlook;
 use super::patch::{HalfSpace, Patch};
 use super::place::{Point, PoseBox, dot};
@@ -186,7 +186,7 @@ impl Placed {
             return None;
         }
         let is_of_both = |at: &Point| self.contains(at) && other.contains(at);
-        let others = (0..FACE_ATTEMPTS).map(|n| face.at(&spread(n)));
+        let others = face.spread(FACE_ATTEMPTS);
         std::iter::once(face.middle()).chain(others).find(is_of_both)
     }
 }

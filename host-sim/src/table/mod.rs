@@ -39,7 +39,7 @@ use crate::journal::Job;
 use crate::robot_file::{CableLimits, RobotDescription};
 pub use cells::Effort;
 pub use cells::Plan;
-use cells::{Tiler, spread};
+use cells::Tiler;
 pub use file::WriteFault;
 pub use links::Seam;
 use links::connected;
@@ -306,8 +306,7 @@ impl Order {
         }
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
         let (mut wanted, mut covered) = (0, 0);
-        for n in 0..COVERAGE_SAMPLES {
-            let at = region.poses.at(&spread(n));
+        for at in region.poses.spread(COVERAGE_SAMPLES) {
             if survey.solution(&at).is_some_and(|found| found.is_within) {
                 wanted += 1;
                 let pose = place::pose(&at).map_err(OrderError::Pose)?;

@@ -60,7 +60,7 @@ impl PoseBox {
     }
 
     /// Both halves.
-    pub(super) fn halves(&self, k: usize) -> [Self; 2] {
+    pub(crate) fn halves(&self, k: usize) -> [Self; 2] {
         let middle = 0.5 * (self.low[k] + self.high[k]);
         let (mut lower, mut upper) = (*self, *self);
         lower.high[k] = middle;
@@ -71,6 +71,11 @@ impl PoseBox {
     /// The point whose coordinates run from 0 to 1 between the sides.
     pub(super) fn at(&self, t: &Point) -> Point {
         std::array::from_fn(|k| self.low[k] + t[k] * self.extent(k))
+    }
+
+    /// So many points all over it, evenly.
+    pub(super) fn spread(&self, count: usize) -> impl Iterator<Item = Point> {
+        (0..count).map(|n| self.at(&spread(n)))
     }
 
     /// The inverse of [`PoseBox::at`].
@@ -90,6 +95,20 @@ impl PoseBox {
         };
         (0..COORDINATES).all(|k| both.low[k] <= both.high[k]).then_some(both)
     }
+}
+
+/// The `n`th of points that fill the unit cube evenly: an additive recurrence by the powers of the root of
+/// `x^7 = x + 1` (M. Roberts).
+pub(super) fn spread(n: usize) -> Point {
+    const ROOT: f64 = 1.112_775_684_278_705_5;
+    std::array::from_fn(|k| {
+        let mut step = 1.0;
+        for _ in 0..=k {
+            step /= ROOT;
+        }
+        let t = 0.5 + step * n as f64;
+        t - t.floor()
+    })
 }
 
 /// The first of the largest of some numbers.

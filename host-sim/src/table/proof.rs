@@ -267,6 +267,7 @@ struct Frame<'a> {
     sights: Vec<Sight>,
     /// `A`.
     inverse: Inverse,
+    /// The curve of the eliminated cable.
     course: Course,
     /// How the sum changes with the pose there.
     by_pose: [Vector6<f64>; COORDINATES],
@@ -386,6 +387,7 @@ impl<'a> Frame<'a> {
         self.inverse.per_newton * (F32 * wrench_n)
     }
 
+    /// The curves of five cables at `at`, and their tangents.
     fn tangents(&self, at: &[Interval; CABLES]) -> Option<Tangents<'_>> {
         let View { prover, patch, sights, along, seed, .. } = self.view;
         let mut reach = Vec::with_capacity(CABLES);
@@ -415,6 +417,7 @@ impl<'a> Frame<'a> {
         Some(Tangents { reach, rates_n, columns })
     }
 
+    /// What a step obeys with these tangents, right sides and roundings.
     fn equations<'e>(
         &'e self,
         columns: &'e Columns,

@@ -2,14 +2,14 @@
 //! [`proof`](super::proof) for what is made of it.
 
 use cdpr_core::CABLES;
-use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Hung, Start};
+use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Start};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
 use num_traits::Zero;
 
-use super::curve::{Reach, size, stretch};
+use super::curve::{size, stretch};
 use super::patch::Patch;
 use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
@@ -51,19 +51,6 @@ impl<'a> View<'a> {
         let (sights, loading) = prover.likeness.look(&patch.region).ok()?;
         let along = prover.likeness.along(&patch.region);
         Some(Self { prover, patch, sights, loading, along, seed, steps })
-    }
-}
-
-/// A piece of the curve of the eliminated cable, for all poses of a box.
-struct Rough {
-    chart: Interval,
-    force_n: Vector2<Interval>,
-    by_chart_n: Vector2<Interval>,
-}
-
-impl Rough {
-    fn at(chart: Interval, hung: &Hung<Interval>) -> Self {
-        Self { chart, force_n: hung.force_n, by_chart_n: hung.force_by_chart_n }
     }
 }
 
@@ -200,24 +187,18 @@ impl<'a> Sums<'a> {
         })
     }
 
-    fn rough(&self, piece: &Rough) -> Piece {
-        let mut rough = self.plain(piece);
-        let others = rough.swept + self.spread(&self.rows, &rough.ratio);
-        rough.swept = others;
-        rough
-    }
-
     /// Pieces of a part of the bracket, from its taut end: as long as is told by what they sum to.
     fn beyond(&self, mut low: f64, end: f64) -> Option<Vec<Piece>> {
         let mut pieces = Vec::new();
         while low < end {
-            let is_long = |bend: f64| {
-                let chart = Interval::new(low, (low + stretch(low, bend)).min(end));
-                Some((self.along(chart)?, chart.high()))
-            };
-            let (piece, high) = match is_long(BEND) {
-                Some(long) if self.is_told(&long.0) => long,
-                _ => is_long(ROUGH_BEND)?,
+            let until = |bend: f64| (low + stretch(low, bend)).min(end);
+            let mut high = until(BEND);
+            let long = self.rough(Interval::new(low, high)).filter(|piece| self.is_told(piece));
+            let piece = if let Some(long) = long {
+                long
+            } else {
+                high = until(ROUGH_BEND);
+                self.rough(Interval::new(low, high))?
             };
             pieces.push(piece);
             low = high;
@@ -225,11 +206,13 @@ impl<'a> Sums<'a> {
         Some(pieces)
     }
 
-    /// One of them.
-    fn along(&self, chart: Interval) -> Option<Piece> {
+    /// A piece as it stands.
+    fn rough(&self, chart: Interval) -> Option<Piece> {
         let cable = self.view.seed.eliminated;
         let hung = self.view.prover.curves.hung(cable, &self.view.sights[cable], chart)?;
-        Some(self.rough(&Rough::at(chart, &hung)))
+        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n);
+        piece.swept += self.spread(&self.rows, &piece.ratio);
+        Some(piece)
     }
 
     /// Whether it is well known which sign row `e` has on a piece, or whether it rises or falls.
@@ -240,11 +223,16 @@ impl<'a> Sums<'a> {
     }
 
     /// A piece with what is swept only at the middle of the patch.
-    fn plain(&self, piece: &Rough) -> Piece {
+    fn plain(
+        &self,
+        chart: Interval,
+        force_n: &Vector2<Interval>,
+        by_chart_n: &Vector2<Interval>,
+    ) -> Piece {
         let cable = self.view.seed.eliminated;
         let sight = &self.view.sights[cable];
-        let along = self.inverse.times(&sight.wrench_n(&piece.force_n));
-        let slope = self.inverse.times(&sight.wrench_n(&piece.by_chart_n));
+        let along = self.inverse.times(&sight.wrench_n(force_n));
+        let slope = self.inverse.times(&sight.wrench_n(by_chart_n));
         let rise = slope[cable];
         let ratio = Vector6::from_fn(|i, _| {
             let ratio = slope[i].middle() / rise.middle();
@@ -252,10 +240,10 @@ impl<'a> Sums<'a> {
         });
         Piece {
             sum: self.all_others + along,
-            force_n: size(&piece.force_n).high(),
-            slope_n: size(&piece.by_chart_n).high(),
-            left_n: size(&piece.by_chart_n).high()
-                * (1.0 + piece.chart.magnitude())
+            force_n: size(force_n).high(),
+            slope_n: size(by_chart_n).high(),
+            left_n: size(by_chart_n).high()
+                * (1.0 + chart.magnitude())
                 * (CROSSING_WIDTH * UPWARDS),
             swept: self.swept(&(self.others + along), &ratio),
             swept_slope: self.swept(&slope, &ratio).map(Interval::magnitude),
@@ -279,7 +267,7 @@ impl<'a> Sums<'a> {
         let sight = &self.view.sights[cable];
         let chart = Interval::point(chart);
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
-        let mut piece = self.plain(&Rough::at(chart, &hung));
+        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n);
         let mut moving_n = self.by_pose_n;
         sight.add_by_pose(&mut moving_n, &hung, self.view.along);
         let rows = self.inverse.rows(&moving_n, self.view.along);
@@ -297,11 +285,10 @@ impl<'a> Sums<'a> {
         rows: &ByPose,
     ) -> Option<()> {
         let sum = sum + self.spread(rows, &Vector6::zeros());
-        let swept = swept + self.spread(rows, &piece.ratio);
         for i in 0..CABLES {
             piece.sum[i] = piece.sum[i].intersection(sum[i])?;
-            piece.swept[i] = swept[i];
         }
+        piece.swept = swept + self.spread(rows, &piece.ratio);
         Some(())
     }
 
@@ -314,8 +301,7 @@ impl<'a> Sums<'a> {
         let (here, none) = (&self.sights[cable], Vector6::zeros());
         let chart = Interval::new(from.min(to), from.max(to));
         let reach = curves.reach_at_once(cable, sight, chart)?;
-        let Reach { force_n, by_chart_n, .. } = reach;
-        let mut piece = self.plain(&Rough { chart, force_n, by_chart_n });
+        let mut piece = self.plain(chart, &reach.force_n, &reach.by_chart_n);
         // The slope.
         let mut turning_n = [Vector6::zeros(); COORDINATES];
         sight.add_moved(&mut turning_n, &reach.by_chart_n, &reach.turn_n, self.view.along);
