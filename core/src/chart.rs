@@ -46,6 +46,8 @@ use crate::elimination::{Condensed, Elimination};
 use crate::statics::Balance;
 use crate::{CABLES, CableModel, CableState, Real, Robot, Scalar, StepFault};
 
+pub use crate::cable::Slackness;
+
 /// `p = CHART_SCALE / s - s^2`.
 pub(crate) const CHART_SCALE: f64 = 0.5;
 
@@ -102,18 +104,24 @@ impl<T: Real> ChartPoint<T> {
 
 /// A cable model whose force curves have a chart.
 pub trait Charted<T: Scalar>: CableModel<T> {
-    /// The curve of the cable to an attachment at `(x_m, z_m)`, at the point whose coordinate has the root
-    /// `s`. `strain`, the mean strain of the ends, is to be the one that comes out.
+    /// How taut or slack a cable is at a coordinate: all that does not depend on where it ends.
+    type Slackness;
+
+    /// That, where the coordinate has the root `s`.
+    fn slackness(&self, root: T) -> Self::Slackness;
+
+    /// The curve of the cable to an attachment at `(x_m, z_m)`, at the point with that slackness. `strain`, the mean
+    /// strain of the ends, is to be the one that comes out.
     ///
     /// Explicit, with no case distinction: an interval implements `T` as well.
-    fn hung(&self, x_m: T, z_m: T, root: T, strain: T) -> Hung<T>;
+    fn hung(&self, x_m: T, z_m: T, slackness: &Self::Slackness, strain: T) -> Hung<T>;
 
     /// Reciprocal axial stiffness `1/EA`, 1/N.
     fn compliance_per_n(&self) -> T;
 
     /// The mean strain of the ends at that point if its length were the one that goes with `strain`, and how
     /// much faster than one that less `strain` falls with `strain`: what [`Charted::hang`] iterates.
-    fn strain(&self, x_m: T, z_m: T, root: T, strain: T) -> (T, T);
+    fn strain(&self, x_m: T, z_m: T, slackness: &Self::Slackness, strain: T) -> (T, T);
 
     /// The point of the curve at the coordinate `chart`, for an attachment at `(x_m, z_m)`.
     ///
@@ -124,10 +132,10 @@ pub trait Charted<T: Scalar>: CableModel<T> {
     where
         T: Real,
     {
-        let root = root(chart);
+        let slackness = self.slackness(root(chart));
         let mut strain = T::zero();
         for _ in 0..STRAIN_STEPS {
-            let (next, slope) = self.strain(x_m, z_m, root, strain);
+            let (next, slope) = self.strain(x_m, z_m, &slackness, strain);
             let change = (next - strain) / slope;
             strain += change;
             // The step after this one would be its square.
@@ -135,7 +143,7 @@ pub trait Charted<T: Scalar>: CableModel<T> {
                 break;
             }
         }
-        let hung = self.hung(x_m, z_m, root, strain);
+        let hung = self.hung(x_m, z_m, &slackness, strain);
         ChartPoint {
             state: CableState { force_n: hung.force_n, rest_length_m: hung.rest_length_m },
             force_by_chart_n: hung.force_by_chart_n,
@@ -500,7 +508,7 @@ mod tests {
                     state.tension_at_attachment_n() + state.tension_at_anchor_n(model.weight_n_m);
                 0.5 * model.compliance_per_n * tensions_n
             };
-            let hung = model.hung(x, z, root(chart), strain(chart));
+            let hung = model.hung(x, z, &model.slackness(root(chart)), strain(chart));
             let step = 1e-5 * (1.0 + chart.abs());
             let near = |found: Vector2<f64>, wanted: Vector2<f64>, what: &str| {
                 // Of second order in a relative step of 1e-5, and rounding over the step.

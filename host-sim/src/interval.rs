@@ -273,16 +273,28 @@ impl Mul for Interval {
     #[inline]
     fn mul(self, other: Self) -> Self {
         let (a, b) = (self, other);
-        if a.negated_low <= 0.0 && b.negated_low <= 0.0 {
-            // Both non-negative, the usual case.
-            return Self::outwards(a.negated_low * -b.negated_low, a.high * b.high);
+        // By the signs, which are mostly the same wherever a product stands: two products do unless both have zero
+        // inside. Zero times infinity is NaN, of which nothing is known.
+        if a.negated_low <= 0.0 {
+            let low_by = if b.negated_low <= 0.0 { -a.negated_low } else { a.high };
+            let high_by = if b.high >= 0.0 { a.high } else { -a.negated_low };
+            return Self::outwards(low_by * b.negated_low, high_by * b.high);
         }
-        // Zero times infinity is NaN, which `max` passes over: the product of the other ends stands.
-        let (al, bl) = (-a.negated_low, -b.negated_low);
-        let products = [al * bl, al * b.high, a.high * bl, a.high * b.high];
-        let high = products[0].max(products[1]).max(products[2].max(products[3]));
-        let low = products[0].min(products[1]).min(products[2].min(products[3]));
-        Self::outwards(-low, high)
+        if a.high <= 0.0 {
+            let low_by = if b.high >= 0.0 { a.negated_low } else { -a.high };
+            let high_by = if b.negated_low <= 0.0 { -a.high } else { a.negated_low };
+            return Self::outwards(low_by * b.high, high_by * b.negated_low);
+        }
+        if b.negated_low <= 0.0 {
+            return Self::outwards(a.negated_low * b.high, a.high * b.high);
+        }
+        if b.high <= 0.0 {
+            return Self::outwards(a.high * b.negated_low, a.negated_low * b.negated_low);
+        }
+        Self::outwards(
+            (a.negated_low * b.high).max(a.high * b.negated_low),
+            (a.high * b.high).max(a.negated_low * b.negated_low),
+        )
     }
 }
 

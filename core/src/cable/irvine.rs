@@ -98,6 +98,22 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
     }
 }
 
+/// What the force density of a catenary is, and with it all that does not depend on where it ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Slackness<T: Scalar> {
+    /// `s`, and its square.
+    root: T,
+    square: T,
+    /// `q = w/(2m)`, `1 + q` and `1 - q^2`.
+    q: T,
+    twice: T,
+    open: T,
+    /// `atanh(q)/q - 1`.
+    sag: T,
+    /// `m`, N/m.
+    density: T,
+}
+
 /// With `m` the force density, `q = w/(2m)`, `sag = atanh(q)/q - 1`, `e` the mean strain of the ends,
 /// `P = 1 + e` and `Q = P + sag`, the catenary through two given points is explicit but for the strain
 /// `e = m L/EA`:
@@ -116,17 +132,25 @@ impl<T: Scalar> CableModel<T> for IrvineCatenary<T> {
 /// and `dL/L = (u dx/x + v dz/z)/(1 + f)` at fixed `m`. All factors are positive and nothing cancels for taut
 /// cables, where `sag`, `r`, `e` and with them all corrections to `F = m (x, z)` are small.
 impl<T: Scalar> Charted<T> for IrvineCatenary<T> {
+    type Slackness = Slackness<T>;
+
     #[inline]
-    fn hung(&self, x_m: T, z_m: T, root: T, strain: T) -> Hung<T> {
-        let (one, two, half) = (T::one(), T::constant(2.0), T::constant(0.5));
+    fn slackness(&self, root: T) -> Slackness<T> {
+        let one = T::one();
         let square = root * root;
         let q = one / (one + square);
-        let gap = square * q; // 1 - q
+        let gap = square * q;
         let twice = one + q;
-        let open = gap * twice; // 1 - q^2
+        let density = T::constant(0.5) * self.weight_n_m * (one + square);
         let sag = q * q * T::atanh_tail(q, gap);
+        Slackness { root, square, q, twice, open: gap * twice, sag, density }
+    }
+
+    #[inline]
+    fn hung(&self, x_m: T, z_m: T, slackness: &Slackness<T>, strain: T) -> Hung<T> {
+        let (one, two, half) = (T::one(), T::constant(2.0), T::constant(0.5));
+        let Slackness { root, square, q, twice, open, sag, density } = *slackness;
         let half_n_m = half * self.weight_n_m;
-        let density = half_n_m * (one + square);
         let stretch = one + strain;
         let (per_stretch, per_wide) = (one / stretch, one / (stretch + sag));
         let (across, down) = (x_m * per_wide, z_m * per_stretch);
@@ -183,19 +207,14 @@ impl<T: Scalar> Charted<T> for IrvineCatenary<T> {
     }
 
     #[inline]
-    fn strain(&self, x_m: T, z_m: T, root: T, strain: T) -> (T, T) {
+    fn strain(&self, x_m: T, z_m: T, slackness: &Slackness<T>, strain: T) -> (T, T) {
         let one = T::one();
-        let square = root * root;
-        let q = one / (one + square);
-        let gap = square * q;
-        let open = gap * (one + q);
+        let Slackness { open, sag, density, .. } = *slackness;
         let stretch = one + strain;
-        let (per_stretch, per_wide) =
-            (one / stretch, one / (stretch + q * q * T::atanh_tail(q, gap)));
+        let (per_stretch, per_wide) = (one / stretch, one / (stretch + sag));
         let (across, down) = (x_m * per_wide, z_m * per_stretch);
         let (across_sq, down_sq) = (across * across, down * down * open);
         let span_sq = across_sq + down_sq;
-        let density = T::constant(0.5) * self.weight_n_m * (one + square);
         let next = self.compliance_per_n * density * (span_sq / open).sqrt();
         let softness = next * (across_sq * per_wide + down_sq * per_stretch) / span_sq;
         (next, one + softness)

@@ -16,7 +16,7 @@ mod non_deformable;
 mod parabola;
 mod tension_profile;
 
-pub use irvine::IrvineCatenary;
+pub use irvine::{IrvineCatenary, Slackness};
 pub use linear_elastic::LinearElastic;
 pub use non_deformable::NonDeformable;
 pub use parabola::{MeanTension, Parabola};

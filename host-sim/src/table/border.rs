@@ -18,6 +18,8 @@ const STEPS: usize = 8;
 
 /// How far back from the end others are looked for beside it, in sides of the box.
 const BACK: f64 = 0.35;
+/// The largest component of a normal is at least this.
+const SMALLEST: i8 = 8;
 /// The normal is turned no further than this to fit them.
 const MOST_TURN: f64 = 1.0;
 
@@ -55,18 +57,44 @@ impl Edge {
         Some(Self { ends, normal })
     }
 
-    /// The plane so far before the nearest end, in sides of the box; `None` where it would not cut it.
+    /// The plane so far before the nearest end, in sides of the box, of those that can be written the one that leaves out
+    /// least; `None` where it would not cut it.
     #[allow(clippy::cast_possible_truncation)] // within their limits
     pub(super) fn plane(&self, room: f64) -> Option<Plane> {
-        let largest = self.normal.iter().fold(0.0_f64, |most, n| most.max(n.abs()));
-        let unit = f64::from(Plane::LARGEST) / largest;
-        let normal = self.normal.map(|n| (n * unit).round());
-        let nearest = self.ends.iter().map(|at| dot(&normal, at)).fold(f64::INFINITY, f64::min);
-        let offset = nearest - room * unit;
+        let nearest = |normal: &Point| {
+            self.ends.iter().map(|at| dot(normal, at)).fold(f64::INFINITY, f64::min)
+        };
+        let size = |normal: &Point| dot(normal, normal).sqrt();
+        let left_out = |normal: &Point| {
+            let sum: f64 = self.ends.iter().map(|at| dot(normal, at)).sum();
+            (sum / self.ends.len() as f64 - nearest(normal)) / size(normal)
+        };
+        let all = self.normals().filter(|normal| size(normal) > 0.0);
+        let normal = all.min_by(|a, b| left_out(a).total_cmp(&left_out(b)))?;
+        let offset = nearest(&normal) - room * size(&normal);
         let ends = |end: fn(f64, f64) -> f64| normal.iter().map(|n| end(*n, 0.0)).sum::<f64>();
         (offset > ends(f64::min) && offset < ends(f64::max)).then(|| Plane {
             normal: normal.map(|n| n as i8),
             offset: (offset * Plane::PER_UNIT).floor() as i16,
+        })
+    }
+
+    /// Normals that can be written, about in the direction: its multiples, rounded, and turned by one unit in the
+    /// position.
+    fn normals(&self) -> impl Iterator<Item = Point> {
+        let largest = self.normal.iter().fold(0.0_f64, |most, n| most.max(n.abs()));
+        let most = f64::from(Plane::LARGEST);
+        let multiples = (SMALLEST..=Plane::LARGEST).map(move |size| f64::from(size) / largest);
+        multiples.flat_map(move |unit| {
+            let rounded = self.normal.map(|n| (n * unit).round());
+            (0..27_u8).map(move |number| {
+                let mut normal = rounded;
+                for (k, n) in normal.iter_mut().take(3).enumerate() {
+                    let digit = number / [1, 3, 9][k] % 3;
+                    *n = (*n + f64::from(digit) - 1.0).clamp(-most, most);
+                }
+                normal
+            })
         })
     }
 }
@@ -184,4 +212,51 @@ fn across(
     let normal: Point = std::array::from_fn(|k| row.dot(&by_pose[k]) * part.extent(k));
     let size = dot(&normal, &normal).sqrt();
     (size > 0.0).then(|| (normal.map(|n| n / size), step.elimination().is_positive()))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt as _, SeedableRng as _};
+
+    use super::*;
+
+    /// A plane is before all ends by the room, and leaves out less than the rounded normal would.
+    #[test]
+    fn planes_are_close_before_the_ends() {
+        let (mut all, mut rounded) = (0.0, 0.0);
+        for seed in 0..300 {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let mut random = || random.random_range(-1.0..1.0);
+            let direction = Vector3::new(random(), random(), random()).normalize();
+            let middle = Vector3::repeat(0.5);
+            let mut normal = [0.0; 6];
+            normal[..3].copy_from_slice(direction.as_slice());
+            let ends: Vec<Point> = (0..9)
+                .map(|_| {
+                    let aside = Vector3::new(random(), random(), random()) * 0.5;
+                    let at = middle + aside - direction * direction.dot(&aside);
+                    [at.x, at.y, at.z, 0.0, 0.0, 0.0]
+                })
+                .collect();
+            let room = 0.01 * (1.0 + random());
+            let left_out = |normal: &Point, offset: f64| {
+                let size = dot(normal, normal).sqrt();
+                let far: Vec<f64> =
+                    ends.iter().map(|at| (dot(normal, at) - offset) / size).collect();
+                (far.iter().copied().fold(f64::INFINITY, f64::min), far.iter().sum::<f64>() / 9.0)
+            };
+            let edge = Edge { ends: ends.clone(), normal };
+            let plane = edge.plane(room).expect("it goes through the middle");
+            let written = plane.normal.map(f64::from);
+            let (nearest, mean) = left_out(&written, f64::from(plane.offset) / Plane::PER_UNIT);
+            // The offset is rounded down to a sixteenth of a unit, of which the normal has eight at least.
+            assert!(nearest >= room - 1e-12 && nearest < room + 1.0 / 128.0, "{seed}: {nearest}");
+            let plain = normal.map(|n| (n * f64::from(Plane::LARGEST)).round());
+            let least = ends.iter().map(|at| dot(&plain, at)).fold(f64::INFINITY, f64::min);
+            all += mean - room;
+            rounded += left_out(&plain, least).1;
+        }
+        assert!(all < 0.75 * rounded, "{all} {rounded}");
+    }
 }

@@ -6,7 +6,8 @@
 //! if there is a fold in one, so with what is before a plane close to that. What is left is halved, in the coordinate
 //! that moves the forces most, and each half is tried in the same way. Halves that are covered from the same seed are one
 //! cell again: at every pose of the face between them the seed leads to one solution, so that the solution is continuous
-//! over both. So it is, too, over the parts of a cell.
+//! over both. So it is, too, over the parts of a cell. At last cells that are alone with a seed are [proven](super::sharing)
+//! with that of another.
 
 use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_BYTES, decoded, encoded};
@@ -21,8 +22,6 @@ use super::survey::{Found, Survey};
 
 /// Poses at which a seed is looked for where there is none at the middle.
 const SEED_ATTEMPTS: usize = 12;
-/// Seeds of other cells of the tile that are tried before a new one is kept.
-const KNOWN_SEEDS: usize = 6;
 /// Seeds of larger boxes that are tried.
 const SEEDS_GIVEN: usize = 6;
 /// A proof is tried for a box over which the tangents of no more cables than this turn by an angle with this sine: the
@@ -34,18 +33,16 @@ const MOST_DEFECT: f64 = 0.3;
 /// A box for which none is tried gives its parts a seed to share if it turns less than this.
 const DEFECT_OF_SEEDS: f64 = 0.9;
 /// Where so many halvings are left a box is proven part by part.
-const PIECED: [u8; 5] = [12, 9, 6, 3, 0];
+const PIECED: [u8; 8] = [12, 10, 8, 6, 4, 3, 2, 0];
 /// Where so many are left it is trimmed, so far before the fold, in sides of the box.
-const ROOMS: [(u8, &[f64]); 3] = [(9, &[0.02]), (6, &[0.02]), (3, &[0.02, 0.08, 0.2])];
+const ROOMS: [(u8, &[f64]); 4] = [(9, &[0.01]), (6, &[0.01]), (3, &[0.02, 0.08, 0.2]), (0, &[0.1])];
 /// Halvings of parts beyond those of the smallest cells.
 const PIECE_HALVINGS: u8 = 6;
 /// Poses of a box that are looked at before it is said that a seed leads to solutions all over it, besides its corners, or
 /// that it is beyond the limits.
 const POSES_LED: usize = 64;
-/// Seeds of others that are tried before one of its own, where a box is proven part by part.
-const SHARED_SEEDS: usize = 1;
-/// Spots at which a proof part by part failed that are tried first with another seed, or in a part of the box.
-const HARD_SPOTS: usize = 3;
+/// Poses at which it is looked how hard the proof is, besides the corners.
+const POSES_PROBED: usize = 24;
 /// Where so few halvings are left a box is not halved for what of it may be within the limits.
 const LAST_BEYOND: u8 = 9;
 /// Rounding of a pose's place in the region, in f32, as a part of its extent; and of its turn vector.
@@ -189,23 +186,34 @@ impl Plan {
 
 /// A box, or what of it is in a half-space, to be covered with one seed that is proven part by part, in so many halvings
 /// at most.
-struct Pieces<'a> {
+pub(super) struct Pieces<'a> {
     part: &'a PoseBox,
     half: Option<&'a HalfSpace>,
     halvings: u8,
 }
 
-impl Pieces<'_> {
-    /// A box in the middle of one of the pieces, no larger than the smallest ones.
-    fn inside(&self, piece: &PoseBox) -> Option<PoseBox> {
-        let middle = Patch::of(*piece, self.half)?.middle;
+impl<'a> Pieces<'a> {
+    /// Of a box that may be halved so often.
+    pub(super) fn new(part: &'a PoseBox, half: Option<&'a HalfSpace>, left: u8) -> Self {
+        Self { part, half, halvings: left + PIECE_HALVINGS }
+    }
+
+    /// The corners of the box and so many poses all over it, those that are covered.
+    fn poses(&self, count: usize) -> impl Iterator<Item = Point> {
+        let all = corners(self.part).chain(self.part.spread(count));
+        all.filter(|at| self.half.is_none_or(|half| half.contains(at)))
+    }
+
+    /// What of the box is around a pose, as large as the smallest pieces.
+    fn around(&self, at: &Point) -> PoseBox {
+        let part = self.part;
         // Only three coordinates are halved where turns are hardly any.
-        let share = 0.5_f64.powi(i32::from(self.halvings / 3) + 2);
-        let side = |k: usize| share * self.part.extent(k);
-        Some(PoseBox {
-            low: std::array::from_fn(|k| piece.low[k].max(middle[k] - side(k))),
-            high: std::array::from_fn(|k| piece.high[k].min(middle[k] + side(k))),
-        })
+        let share = 0.5_f64.powi(i32::from(self.halvings / 3) + 1);
+        let side = |k: usize| share * part.extent(k);
+        PoseBox {
+            low: std::array::from_fn(|k| part.low[k].max(at[k] - side(k))),
+            high: std::array::from_fn(|k| part.high[k].min(at[k] + side(k))),
+        }
     }
 }
 
@@ -215,15 +223,6 @@ fn corners(part: &PoseBox) -> impl Iterator<Item = Point> {
         let end = |k: usize| f64::from(number >> k & 1);
         part.at(&std::array::from_fn(|k| if k < 3 { end(k) } else { 0.5 }))
     })
-}
-
-/// What was learnt in other boxes of a tile.
-#[derive(Default)]
-struct Memory {
-    /// Seeds of cells.
-    seeds: Vec<Seed>,
-    /// Spots at which a proof part by part failed.
-    hard: Vec<PoseBox>,
 }
 
 pub(super) struct Tiler<'a> {
@@ -236,22 +235,22 @@ pub(super) struct Tiler<'a> {
 impl Tiler<'_> {
     /// Covers a tile as far as that goes.
     pub(super) fn cover(&self, tile: &PoseBox) -> Plan {
-        self.part(tile, 0, &[], &mut Memory::default())
+        self.shared(self.part(tile, 0, &[]), tile)
     }
 
-    /// Covers a box, with one of the seeds that larger boxes had, or of its own, or one of those that did for others.
-    fn part(&self, part: &PoseBox, depth: u8, given: &[Seed], memory: &mut Memory) -> Plan {
+    /// Covers a box, with one of the seeds that larger boxes had, or of its own.
+    fn part(&self, part: &PoseBox, depth: u8, given: &[Seed]) -> Plan {
         if !self.survey.is_near(part) {
             return Plan::Nothing(Gap::NoSolution);
         }
         let Some((at, found)) = self.found(part) else {
-            return self.halved(part, depth, given, None, Gap::NoSolution, memory);
+            return self.halved(part, depth, given, None, Gap::NoSolution);
         };
         if found.length_share > 1.0 && !self.is_within(part) {
-            return self.halved(part, depth, given, None, Gap::BeyondLimits, memory);
+            return self.halved(part, depth, given, None, Gap::BeyondLimits);
         }
         let Some(outlook) = Outlook::new(self.prover, part, &at, &found.charts) else {
-            return self.halved(part, depth, given, None, Gap::SingularCable, memory);
+            return self.halved(part, depth, given, None, Gap::SingularCable);
         };
         let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(*s, &at)).collect();
         let own: Vec<Seed> = outlook.starts.iter().map(written).collect();
@@ -259,7 +258,7 @@ impl Tiler<'_> {
         let at_once = if bends || outlook.defect > MOST_DEFECT {
             Err((Some(outlook.widest), Gap::Unproven))
         } else {
-            self.cell(part, &at, &given, &own, memory)
+            self.cell(part, &given, &own)
         };
         let (split, gap) = match at_once {
             Ok(cell) => return Plan::Cell(cell),
@@ -267,12 +266,12 @@ impl Tiler<'_> {
         };
         let left = self.effort.depth - depth;
         if PIECED.contains(&left) {
-            let pieces = Pieces { part, half: None, halvings: left + PIECE_HALVINGS };
-            if let Some(cell) = self.pieced(&pieces, &given, &own, memory) {
+            let pieces = Pieces::new(part, None, left);
+            if let Some(cell) = self.pieced(&pieces, given.first(), &own) {
                 return Plan::Cell(cell);
             }
         }
-        if let Some(trimmed) = self.trimmed(part, left, (&at, &found), &given, memory) {
+        if let Some(trimmed) = self.trimmed(part, left, (&at, &found), given.first()) {
             return trimmed;
         }
         if outlook.defect < DEFECT_OF_SEEDS {
@@ -281,18 +280,16 @@ impl Tiler<'_> {
                 given.remove(1);
             }
         }
-        self.halved(part, depth, &given, split, gap, memory)
+        self.halved(part, depth, &given, split, gap)
     }
 
-    /// Covers all of a box, with a seed that it was given, or one of its own or another that does as well; the reason
-    /// why that is not proven, and the coordinate in which to halve it.
+    /// Covers all of a box, with a seed that it was given or one of its own; the reason why that is not proven, and the
+    /// coordinate in which to halve it.
     fn cell(
         &self,
         part: &PoseBox,
-        at: &Point,
         given: &[Seed],
         own: &[Seed],
-        memory: &mut Memory,
     ) -> Result<Cell, (Option<usize>, Gap)> {
         let leads = |seed: &&Seed| corners(part).all(|at| self.leads(**seed, &at));
         let mut leading = given.iter().filter(leads);
@@ -302,12 +299,7 @@ impl Tiler<'_> {
         };
         let cell = self.first(part, own).map_err(|next| (next.0.or(why.0), next.1))?;
         // A seed that others have already makes a smaller table.
-        let is_like = |other: &&Seed| other[0] == cell.seed[0] && self.leads(**other, at);
-        let others = memory.seeds.iter().rev().filter(is_like).take(KNOWN_SEEDS);
-        Ok(self.first(part, leading.chain(others)).unwrap_or_else(|_| {
-            memory.seeds.push(cell.seed);
-            cell
-        }))
+        Ok(self.first(part, leading).unwrap_or(cell))
     }
 
     /// The cell of the first seed with which it is proven.
@@ -332,76 +324,73 @@ impl Tiler<'_> {
         part: &PoseBox,
         left: u8,
         (at, found): (&Point, &Found),
-        given: &[Seed],
-        memory: &mut Memory,
+        given: Option<&Seed>,
     ) -> Option<Plan> {
         let (_, rooms) = ROOMS.iter().find(|(at, _)| *at == left)?;
         let edge = Edge::find(self.prover, part, at, &found.charts)?;
         rooms.iter().find_map(|room| {
             let plane = edge.plane(*room)?;
-            let half = HalfSpace::of(part, plane).wider(&self.room());
+            let half = self.before(part, plane);
             let middle = Patch::within(*part, &half)?.middle;
             let outlook = self
                 .survey
                 .follow(at, found, &middle)
                 .and_then(|found| Outlook::new(self.prover, part, &middle, &found.charts));
             let own = outlook.and_then(|outlook| outlook.starts.first().map(written));
-            let pieces = Pieces { part, half: Some(&half), halvings: left + PIECE_HALVINGS };
-            let cell = self.pieced(&pieces, given, own.as_slice(), memory)?;
+            let pieces = Pieces::new(part, Some(&half), left);
+            let cell = self.pieced(&pieces, given, own.as_slice())?;
             Some(Plan::Trim { plane, cell })
         })
     }
 
-    /// Covers all of some pieces with one seed: the oldest that the box was given, another that does as well and makes a
-    /// smaller table, or one of its own. Where one fails is remembered.
-    fn pieced(
-        &self,
-        pieces: &Pieces,
-        given: &[Seed],
-        own: &[Seed],
-        memory: &mut Memory,
-    ) -> Option<Cell> {
-        let Memory { seeds: known, hard } = memory;
-        let leads = |seed: &&Seed| self.leads_over(**seed, pieces);
-        let mut prove = |seed: &Seed| {
-            let start = started(*seed)?;
-            // Where one seed failed another mostly does.
-            let is_proven = |spot: &PoseBox| {
-                matches!(self.verdict(spot, pieces.half, &start), Verdict::Proven { .. })
-            };
-            let spots = hard.iter().rev().filter(|spot| pieces.part.contains(&spot.middle()));
-            if !spots.take(HARD_SPOTS).all(is_proven) {
-                return None;
-            }
-            match self.prove_pieces(pieces.part, pieces, &start, pieces.halvings) {
-                Ok(steps) => Some(Cell { seed: *seed, steps }),
-                Err(piece) => {
-                    hard.extend(pieces.inside(&piece));
-                    None
-                }
-            }
-        };
-        let others = given.iter().skip(1).chain(known.iter().rev().take(KNOWN_SEEDS));
-        let shared = given.first().into_iter().filter(leads);
-        let mut shared = shared.chain(others.filter(leads).take(SHARED_SEEDS));
-        if let Some(cell) = shared.find_map(&mut prove) {
-            return Some(cell);
-        }
-        let cell = own.iter().filter(leads).find_map(prove)?;
-        known.push(cell.seed);
-        Some(cell)
+    /// All that a controller may take for a pose of a box before a plane.
+    pub(super) fn before(&self, part: &PoseBox, plane: Plane) -> HalfSpace {
+        HalfSpace::of(part, plane).wider(&self.room())
     }
 
-    /// The steps that a seed takes for the pieces in a part of their box; the piece for which that is not proven.
+    /// Covers all of some pieces with one seed: one that the box was given, or one of its own.
+    fn pieced(&self, pieces: &Pieces, given: Option<&Seed>, own: &[Seed]) -> Option<Cell> {
+        let seeds = given.into_iter().chain(own).filter(|seed| self.leads_over(**seed, pieces));
+        seeds.into_iter().find_map(|seed| self.prove(pieces, *seed))
+    }
+
+    /// The cell of some pieces with a seed that leads to solutions over them, if that is proven.
+    pub(super) fn prove(&self, pieces: &Pieces, seed: Seed) -> Option<Cell> {
+        let start = started(seed)?;
+        // Where it is hard it fails at once.
+        let hardest = self.hardest(pieces, &start)?;
+        match self.verdict(&hardest, pieces.half, &start) {
+            Verdict::Proven { .. } => {
+                let steps = self.prove_pieces(pieces.part, pieces, &start, pieces.halvings)?;
+                Some(Cell { seed, steps })
+            }
+            _ => None,
+        }
+    }
+
+    /// A small box in one of the pieces over which the equations bend and turn most.
+    fn hardest(&self, pieces: &Pieces, start: &Start<f64>) -> Option<PoseBox> {
+        let all = pieces.poses(POSES_PROBED).filter_map(|at| {
+            let charts = self.prover.led(&at, start, self.effort.steps)?;
+            let around = pieces.around(&at);
+            let Outlook { turns, defect, .. } = Outlook::new(self.prover, &around, &at, &charts)?;
+            // The cable that turns most is eliminated.
+            Some((defect + turns[1], around))
+        });
+        let (_, hardest) = all.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        Some(hardest)
+    }
+
+    /// The steps that a seed takes for the pieces in a part of their box, if that is proven.
     fn prove_pieces(
         &self,
         part: &PoseBox,
         pieces: &Pieces,
         start: &Start<f64>,
         halvings: u8,
-    ) -> Result<u8, PoseBox> {
+    ) -> Option<u8> {
         match self.verdict(part, pieces.half, start) {
-            Verdict::Proven { steps } => Ok(steps),
+            Verdict::Proven { steps } => Some(steps),
             Verdict::Open { split, .. } if halvings > 0 => {
                 let parts = part.halves(split);
                 // What is closer to the plane fails sooner.
@@ -410,17 +399,15 @@ impl Tiler<'_> {
                 for part in [parts[first], parts[1 - first]] {
                     most = most.max(self.prove_pieces(&part, pieces, start, halvings - 1)?);
                 }
-                Ok(most)
+                Some(most)
             }
-            _ => Err(*part),
+            _ => None,
         }
     }
 
     /// Whether a seed leads to solutions at the corners of some pieces and all over them.
-    fn leads_over(&self, seed: Seed, pieces: &Pieces) -> bool {
-        let Pieces { part, half, .. } = pieces;
-        let all = corners(part).chain(part.spread(POSES_LED));
-        all.filter(|at| half.is_none_or(|half| half.contains(at))).all(|at| self.leads(seed, &at))
+    pub(super) fn leads_over(&self, seed: Seed, pieces: &Pieces) -> bool {
+        pieces.poses(POSES_LED).all(|at| self.leads(seed, &at))
     }
 
     /// Whether the sheet is found within its limits anywhere in a box.
@@ -464,7 +451,6 @@ impl Tiler<'_> {
         given: &[Seed],
         split: Option<usize>,
         gap: Gap,
-        memory: &mut Memory,
     ) -> Plan {
         // What is within its limits of a box without a pose that is found to be so is hardly worth its words.
         let is_last = gap == Gap::BeyondLimits && self.effort.depth - depth <= LAST_BEYOND;
@@ -472,7 +458,7 @@ impl Tiler<'_> {
             return Plan::Nothing(gap);
         }
         let split = split.unwrap_or_else(|| self.longest(part));
-        Plan::of(split, part.halves(split).map(|half| self.part(&half, depth + 1, given, memory)))
+        Plan::of(split, part.halves(split).map(|half| self.part(&half, depth + 1, given)))
     }
 
     /// The proof of a box.

@@ -22,8 +22,6 @@ const STRETCH: f64 = 0.04;
 const MOST_STRETCHES: usize = 64;
 /// Many times the rounding of a number, as a part of it.
 const ROUNDING: f64 = 1e-12;
-/// Narrower ranges are as good as points.
-const LEAST_RADIUS: f64 = 1e-9;
 
 /// The force curves of a robot, with all parameters that a reader takes for the same.
 pub(super) struct Curves {
@@ -202,7 +200,7 @@ impl Curves {
         let moving = model.hung(
             Dual::fixed(sight.x_m),
             Dual::fixed(sight.z_m),
-            Dual { value: root, rate: by_chart },
+            &model.slackness(Dual { value: root, rate: by_chart }),
             Dual { value: strain, rate: hung.strain_by_chart },
         );
         let bend_n = moving.force_by_chart_n.map(|c| c.rate);
@@ -232,7 +230,7 @@ impl Curves {
     ) -> Option<Vector2<Interval>> {
         let middle = self.hung(i, sight, Interval::point(chart.middle()))?.force_by_chart_n;
         let near = middle + bend_n * Interval::symmetric(chart.radius());
-        if chart.radius() <= LEAST_RADIUS {
+        if is_known(chart, bend_n, &middle) {
             return Some(near);
         }
         both(&self.hung(i, sight, chart)?.force_by_chart_n, &near)
@@ -254,14 +252,15 @@ impl Curves {
         chart: Interval,
     ) -> Option<(Interval, Interval, Hung<Interval>)> {
         let root = root_of(chart)?;
-        let at = |strain| self.models[i].hung(sight.x_m, sight.z_m, root, strain);
-        let next = |strain| self.models[i].strain(sight.x_m, sight.z_m, root, strain).0;
+        let (model, x_m, z_m) = (&self.models[i], sight.x_m, sight.z_m);
+        let slackness = model.slackness(root);
+        let next = |strain| model.strain(x_m, z_m, &slackness, strain).0;
         // The strain that comes out falls as the one given grows: the true one is below that of none.
         let mut strain = Interval::new(0.0, next(Interval::point(0.0)).high());
         for _ in 0..STRAIN_STEPS {
             strain = next(strain).intersection(strain)?;
         }
-        Some((root, strain, at(strain)))
+        Some((root, strain, model.hung(x_m, z_m, &slackness, strain)))
     }
 }
 

@@ -230,10 +230,10 @@ impl<'a> Columns<'a> {
     pub(super) fn turn(&mut self, cable: usize, by_pose: &ByPose, patch: &Patch) {
         let rows = self.inverse.rows(by_pose, self.along);
         let mut blur = self.blur.column_mut(cable);
-        for (k, row) in rows.iter().enumerate() {
+        for k in 0..self.along.count() {
             let aside = patch.aside(k).magnitude();
-            let turned = row.map(Interval::middle) * aside;
-            blur += row.map(Interval::radius) * aside + turned.abs() * (4.0 * f64::EPSILON);
+            let turned = rows.middle[k] * aside;
+            blur += rows.radius[k] * aside + turned.abs() * (4.0 * f64::EPSILON);
             self.turned[k].set_column(cable, &turned);
         }
     }

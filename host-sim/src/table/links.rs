@@ -6,7 +6,7 @@
 //! branch: a seam. Cells that share no face with others of the sheet are linked to it by a straight way, proven box by
 //! box as cells are.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use cdpr_core::CABLES;
 use cdpr_core::table::{COORDINATES, Gap};
@@ -22,7 +22,7 @@ const SAME: f64 = 1e-6;
 /// Poses of a face that are tried.
 const FACE_ATTEMPTS: usize = 64;
 /// Ways that are tried from what shares no face, the shortest first; halvings of one, and Newton steps of a box of it.
-const WAYS: usize = 12;
+const WAYS: usize = 48;
 const WAY_HALVINGS: u8 = 7;
 const WAY_STEPS: u8 = 6;
 
@@ -96,11 +96,24 @@ fn is_same(here: &[f64; CABLES], there: &[f64; CABLES]) -> bool {
     (0..CABLES).all(|i| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs()))
 }
 
-/// Joins what a way links to the cells of the sheet that are joined already.
+/// Joins what a way links to the cells of the sheet, as long as there is more of it: what was joined may link others.
 fn by_ways(prover: &Prover, cells: &[Placed], sets: &mut Sets, first: usize) {
+    let poses: Vec<Option<Point>> = cells.iter().map(Placed::pose).collect();
+    let mut tried = HashSet::new();
+    while joined_by_ways(prover, cells, &poses, sets, first, &mut tried) {}
+}
+
+/// Whether any was joined; none of the ways is tried again.
+fn joined_by_ways(
+    prover: &Prover,
+    cells: &[Placed],
+    poses: &[Option<Point>],
+    sets: &mut Sets,
+    first: usize,
+    tried: &mut HashSet<(usize, usize)>,
+) -> bool {
     let sheet = sets.root(first);
     let roots: Vec<usize> = (0..cells.len()).map(|index| sets.root(index)).collect();
-    let poses: Vec<Option<Point>> = cells.iter().map(Placed::pose).collect();
     let mut ways: BTreeMap<usize, Vec<(f64, usize, usize)>> = BTreeMap::new();
     for (a, from) in poses.iter().enumerate().filter(|(a, _)| roots[*a] != sheet) {
         for (b, to) in poses.iter().enumerate().filter(|(b, _)| roots[*b] == sheet) {
@@ -110,18 +123,24 @@ fn by_ways(prover: &Prover, cells: &[Placed], sets: &mut Sets, first: usize) {
             }
         }
     }
+    let mut is_joined = false;
     for (root, mut ways) in ways {
         ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let links = |&(_, a, b): &(f64, usize, usize)| {
-            let (from, to) = (poses[a]?, poses[b]?);
-            let start = cells[a].solution(prover, &from)?;
-            let end = walked(prover, (&from, &start), &to, WAY_HALVINGS)?;
-            is_same(&end, &cells[b].solution(prover, &to)?).then_some(())
+        let mut links = |&(_, a, b): &(f64, usize, usize)| {
+            let link = || {
+                let (from, to) = (poses[a]?, poses[b]?);
+                let start = cells[a].solution(prover, &from)?;
+                let end = walked(prover, (&from, &start), &to, WAY_HALVINGS)?;
+                is_same(&end, &cells[b].solution(prover, &to)?).then_some(())
+            };
+            tried.insert((a, b)) && link().is_some()
         };
-        if ways.iter().take(WAYS).any(|way| links(way).is_some()) {
+        if ways.iter().take(WAYS).any(&mut links) {
             sets.join(root, sheet);
+            is_joined = true;
         }
     }
+    is_joined
 }
 
 /// The solution at the end of a straight way that is the one at its beginning, proven all along: the way is covered

@@ -22,6 +22,7 @@ mod patch;
 mod place;
 mod proof;
 mod prune;
+mod sharing;
 mod sheets;
 mod sums;
 mod survey;

@@ -132,38 +132,36 @@ impl Patch {
         self.aside[k]
     }
 
-    /// The range of `sum gradient_k (P_k - middle_k)` over the patch, of the first coordinates.
-    pub(super) fn spread(&self, gradient: &[Interval]) -> Interval {
-        let whole = self.range(gradient, 0.0);
+    /// The range of `sum g_k (P_k - middle_k)` over the patch, of the first coordinates, for every gradient `g` no further
+    /// than `radius` from `middle`.
+    pub(super) fn spread(&self, middle: &[f64], radius: &[f64]) -> Interval {
+        let whole = self.range(middle, radius, 0.0);
         let Some(Cut { normal, square, .. }) = &self.cut else { return whole };
         let mut across = [0.0; COORDINATES];
-        for (across, gradient) in across.iter_mut().zip(gradient) {
-            *across = gradient.middle();
-        }
+        across[..middle.len()].copy_from_slice(middle);
         let factor = self.product(&across, normal) / square;
         if !factor.is_finite() {
             return whole;
         }
-        self.range(gradient, factor).intersection(whole).unwrap_or(whole)
+        self.range(middle, radius, factor).intersection(whole).unwrap_or(whole)
     }
 
     /// That range, of so many times the normal by what the cut tells of it, and of the rest; right for any factor.
     ///
-    /// In floats: the gradient by middle and radius, and all roundings added at the end.
-    fn range(&self, gradient: &[Interval], factor: f64) -> Interval {
+    /// In floats, with all roundings added at the end.
+    fn range(&self, middle: &[f64], radius: &[f64], factor: f64) -> Interval {
         let cut = self.cut.as_ref().filter(|_| factor != 0.0);
-        let (mut low, mut high, mut radius, mut size) = (0.0, 0.0, 0.0, 0.0);
+        let (mut low, mut high, mut room, mut size) = (0.0, 0.0, 0.0, 0.0);
         // What is not given of the gradient is zero; not so the rest of the normal there.
-        let count = cut.map_or(gradient.len(), |_| COORDINATES);
+        let count = cut.map_or(middle.len(), |_| COORDINATES);
         for (k, aside) in self.aside.iter().take(count).enumerate() {
-            let gradient = gradient.get(k).copied().unwrap_or(Interval::zero());
-            let (middle, known) =
-                (gradient.middle(), cut.map_or(0.0, |cut| factor * cut.normal[k]));
+            let given = |of: &[f64]| of.get(k).copied().unwrap_or(0.0);
+            let (middle, known) = (given(middle), cut.map_or(0.0, |cut| factor * cut.normal[k]));
             let ends = [aside.low(), aside.high()].map(|end| (middle - known) * end);
             let most = aside.magnitude();
             low += ends[0].min(ends[1]);
             high += ends[0].max(ends[1]);
-            radius += gradient.radius() * most;
+            room += given(radius) * most;
             size += (middle.abs() + known.abs()) * most;
         }
         if let Some(Cut { range, .. }) = cut {
@@ -172,7 +170,7 @@ impl Patch {
             high += ends[0].max(ends[1]);
             size += factor.abs() * range.magnitude();
         }
-        let room = radius + (radius + size) * ROUNDINGS;
+        room += (room + size) * ROUNDINGS;
         Interval::new(low - room, high + room)
     }
 }
@@ -205,8 +203,8 @@ mod tests {
             };
             let half = HalfSpace::of(&region, plane).wider(&region.low.map(|_| 1e-7));
             let patch = Patch::within(region, &half);
-            let gradient = point(&mut random).map(|g| Interval::around(g, 0.01));
-            let all = Patch::whole(region).spread(&gradient);
+            let (gradient, room) = (point(&mut random), [0.01; COORDINATES]);
+            let all = Patch::whole(region).spread(&gradient, &room);
             whole_box += usize::from(patch.is_some_and(|patch| patch.cut.is_none()));
             let mut is_empty = true;
             for _ in 0..100 {
@@ -220,24 +218,24 @@ mod tests {
                 assert!(half.contains(&pose), "{seed}");
                 let patch = patch.expect("a pose is in it");
                 // Of the positions only, as where turns are hardly any, and of all; anyhow, and across the plane.
-                for middle in [gradient.map(Interval::middle), half.normal] {
-                    let gradient = middle.map(|g| Interval::around(g, 0.01 * g.abs()));
+                for middle in [gradient, half.normal] {
+                    let room = middle.map(|g| 0.01 * g.abs());
                     for count in [3, COORDINATES] {
                         let part = 0.01 * random.random_range(-1.0..1.0);
                         let moved: f64 = (0..count)
                             .map(|k| middle[k] * (1.0 + part) * (pose[k] - patch.middle[k]))
                             .sum();
-                        let spread = patch.spread(&gradient[..count]);
+                        let spread = patch.spread(&middle[..count], &room[..count]);
                         assert!(spread.contains(moved), "{seed}: {moved} not in {spread:?}");
                     }
                 }
                 let moved: f64 = (0..COORDINATES)
                     .map(|k| {
-                        let g = gradient[k].middle() + random.random_range(-0.01..0.01);
+                        let g = gradient[k] + random.random_range(-0.01..0.01);
                         g * (pose[k] - patch.middle[k])
                     })
                     .sum();
-                let spread = patch.spread(&gradient);
+                let spread = patch.spread(&gradient, &room);
                 assert!(spread.contains(moved), "{seed}: {moved} not in {spread:?}");
                 narrower += usize::from(spread.radius() < 0.9 * all.radius());
             }

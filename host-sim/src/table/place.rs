@@ -339,16 +339,24 @@ impl Sight {
         [force_by_x_n_m, force_by_z_n_m]: &[Vector2<Interval>; 2],
         along: Along,
     ) {
-        let e = &self.direction;
-        // The plane turns with a sideways move.
-        let turning = force_n.x / self.x_m;
-        let moved = |by: &Vector3i| {
-            let (along, sideways) = (e.x * by.x + e.y * by.y, e.x * by.y - e.y * by.x);
-            let change = force_by_x_n_m * along + force_by_z_n_m * by.z;
-            let swing = turning * sideways;
-            -Vector3i::new(change.x * e.x - swing * e.y, change.x * e.y + swing * e.x, change.y)
-        };
-        let by_position: [Vector3i; 3] = std::array::from_fn(|k| moved(&unit(k)));
+        // Along the horizontal direction, upwards, and sideways, where the plane turns with the move.
+        let (cos, sin) = (self.direction.x, self.direction.y);
+        let swing = force_n.x / self.x_m;
+        let (across, both) = (cos * sin, force_by_x_n_m.x - swing);
+        let turned = -(across * both);
+        let by_position = [
+            Vector3i::new(
+                -(force_by_x_n_m.x * cos.square() + swing * sin.square()),
+                turned,
+                -(force_by_x_n_m.y * cos),
+            ),
+            Vector3i::new(
+                turned,
+                -(force_by_x_n_m.x * sin.square() + swing * cos.square()),
+                -(force_by_x_n_m.y * sin),
+            ),
+            self.push(force_by_z_n_m),
+        ];
         for (sum, by) in sums.iter_mut().zip(&by_position) {
             *sum += stack(by, &self.arm.cross(by));
         }

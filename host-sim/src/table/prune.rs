@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use cdpr_core::table::{Gap, Node, SEED_BYTES, WORD_BYTES};
+use cdpr_core::table::{Gap, Node, Plane, SEED_BYTES, WORD_BYTES};
 
 use super::cells::{Cell, Plan, Seed};
+use super::place::spread;
 
 /// Halvings of the price.
 const SEARCH: usize = 40;
-/// What of the box of a trim is taken to be before its plane.
-const BEFORE: f64 = 0.5;
+/// Places of the box of a trim at which it is looked whether they are before its plane.
+const PLACES: usize = 64;
 
 /// The plan, or what remains of it when `fits` at last.
 ///
@@ -72,13 +73,19 @@ impl Market<'_> {
             Plan::Cell(cell) => (plan.clone(), share - cell_price(cell)),
             Plan::Trim { plane, cell } => {
                 let (_, words) = Node::Trim { plane: *plane, inside: 0 }.encode();
-                (plan.clone(), BEFORE * share - words as f64 * price - cell_price(cell))
+                (plan.clone(), before(*plane) * share - words as f64 * price - cell_price(cell))
             }
             // It is said where the box was halved.
             Plan::Nothing(_) => (plan.clone(), 0.0),
         };
         if worth < 0.0 { (Plan::Nothing(Gap::LeftOut), 0.0) } else { (kept, worth) }
     }
+}
+
+/// What of a box is before a plane, about.
+fn before(plane: Plane) -> f64 {
+    let places = (0..PLACES).map(spread).filter(|place| !plane.is_beyond(place));
+    places.count() as f64 / PLACES as f64
 }
 
 #[cfg(test)]

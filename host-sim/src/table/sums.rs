@@ -7,7 +7,6 @@ use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
-use num_traits::Zero;
 
 use super::curve::{size, stretch};
 use super::patch::Patch;
@@ -102,7 +101,7 @@ pub(super) struct Sums<'a> {
     others: Vector6<Interval>,
     /// How it changes with the pose, without the eliminated cable; before `A`, and after.
     by_pose_n: ByPose,
-    rows: ByPose,
+    rows: Rows,
     /// Over the patch.
     all_others: Vector6<Interval>,
 }
@@ -128,7 +127,7 @@ impl<'a> Sums<'a> {
         let (others, rows) = (inverse.times(&others_n), inverse.rows(&by_pose_n, view.along));
         let mut sums =
             Self { view, inverse, sights, others_n, others, by_pose_n, rows, all_others: others };
-        sums.all_others += sums.spread(&rows, &Vector6::zeros());
+        sums.all_others += sums.spread(&sums.rows, &Vector6::zeros());
         Some(sums)
     }
 
@@ -162,7 +161,7 @@ impl<'a> Sums<'a> {
         pieces.extend(self.beyond(high, bracket[1])?);
         let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
         let course = Course { pieces, joints, first_fine, middle };
-        Some((course, rows.map(|row| row.map(Interval::middle))))
+        Some((course, rows.middle))
     }
 
     /// Row `e` times the factors taken from the other rows.
@@ -172,18 +171,19 @@ impl<'a> Sums<'a> {
     }
 
     /// What poses aside from the middle add, swept.
-    fn spread(&self, rows: &ByPose, ratio: &Vector6<f64>) -> Vector6<Interval> {
+    fn spread(&self, rows: &Rows, ratio: &Vector6<f64>) -> Vector6<Interval> {
         let cable = self.view.seed.eliminated;
         let count = self.view.along.count();
         Vector6::from_fn(|i, _| {
-            let mut gradient = [Interval::zero(); COORDINATES];
-            for (to, row) in gradient.iter_mut().zip(rows).take(count) {
-                *to = row[i];
-                if ratio[i] != 0.0 {
-                    *to -= Interval::point(ratio[i]) * row[cable];
-                }
+            let (mut middle, mut radius) = ([0.0; COORDINATES], [0.0; COORDINATES]);
+            for k in 0..count {
+                let (row, room) = (&rows.middle[k], &rows.radius[k]);
+                let taken = ratio[i] * row[cable];
+                middle[k] = row[i] - taken;
+                let rounding = (row[i].abs() + taken.abs()) * (2.0 * f64::EPSILON);
+                radius[k] = (room[i] + ratio[i].abs() * room[cable] + rounding) * UPWARDS;
             }
-            self.view.patch.spread(&gradient[..count])
+            self.view.patch.spread(&middle[..count], &radius[..count])
         })
     }
 
@@ -262,7 +262,7 @@ impl<'a> Sums<'a> {
 
     /// At a coordinate at which the sum is `exact` at the middle, by the mean value theorem over the pose; and how the
     /// sum changes with that.
-    fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Piece, ByPose)> {
+    fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Piece, Rows)> {
         let cable = self.view.seed.eliminated;
         let sight = &self.view.sights[cable];
         let chart = Interval::point(chart);
@@ -282,7 +282,7 @@ impl<'a> Sums<'a> {
         piece: &mut Piece,
         sum: &Vector6<Interval>,
         swept: &Vector6<Interval>,
-        rows: &ByPose,
+        rows: &Rows,
     ) -> Option<()> {
         let sum = sum + self.spread(rows, &Vector6::zeros());
         for i in 0..CABLES {
@@ -380,22 +380,35 @@ impl Inverse {
     }
 
     /// The products with what changes with each coordinate of the pose.
-    pub(super) fn rows(&self, by_pose_n: &ByPose, along: Along) -> ByPose {
-        let mut rows = *by_pose_n;
-        for row in rows.iter_mut().take(along.count()) {
-            *row = self.times(row);
+    pub(super) fn rows(&self, by_pose_n: &ByPose, along: Along) -> Rows {
+        let zero = [Vector6::zeros(); COORDINATES];
+        let mut rows = Rows { middle: zero, radius: zero };
+        for (k, column) in by_pose_n.iter().enumerate().take(along.count()) {
+            (rows.middle[k], rows.radius[k]) = self.ball(column);
         }
         rows
     }
 
-    /// The product with a vector of intervals, by its middle and radius.
+    /// The product with a vector of intervals.
     pub(super) fn times(&self, vector: &Vector6<Interval>) -> Vector6<Interval> {
+        let (middle, radius) = self.ball(vector);
+        middle.zip_map(&radius, Interval::around)
+    }
+
+    /// The product with a vector of intervals, by its middle and radius.
+    fn ball(&self, vector: &Vector6<Interval>) -> (Vector6<f64>, Vector6<f64>) {
         // A sum of six products is off by at most seven units of the sum of their sizes.
         const ROUNDING: f64 = 8.0 * f64::EPSILON;
         let middle = vector.map(Interval::middle);
         let radius = vector.map(Interval::radius) + middle.abs() * ROUNDING;
-        let (middle, radius) = (self.matrix * middle, self.sizes * radius);
-        let least = f64::MIN_POSITIVE;
-        Vector6::from_fn(|i, _| Interval::around(middle[i], radius[i] * UPWARDS + least))
+        let radius = self.sizes * radius * UPWARDS + Vector6::repeat(f64::MIN_POSITIVE);
+        (self.matrix * middle, radius)
     }
+}
+
+/// How the rows of the equations change with each coordinate of the pose, those that are not followed left out: by
+/// middle and radius.
+pub(super) struct Rows {
+    pub(super) middle: [Vector6<f64>; COORDINATES],
+    pub(super) radius: [Vector6<f64>; COORDINATES],
 }

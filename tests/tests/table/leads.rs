@@ -218,13 +218,13 @@ fn everywhere_it_leads_to_the_proven_solution_of_its_sheet() {
     assert!(count.uncertified <= cases / 3, "{count:?}");
 }
 
-/// A metre across a fold: cells go up to planes close before it.
+/// A cubic metre across a fold: cells go up to planes close before it.
 #[test]
 fn trimmed_cells_lead_to_a_proven_solution_up_to_their_planes() {
     let level = 1e-6;
     let low = [2.0, 9.0, 1.0, -level, -level, -level];
-    let high = [3.0, 9.5, 1.5, level, level, level];
-    let bytes = built([2.1, 9.1, 1.2], low, high, 9);
+    let high = [3.0, 10.0, 2.0, level, level, level];
+    let bytes = built([2.1, 9.1, 1.2], low, high, 12);
     let (reader, table) = (Reader(&bytes), Table::open(&bytes).expect("a table"));
     let leaves = reader.leaves();
     let trimmed: Vec<&Leaf> = leaves.iter().filter(|leaf| leaf.plane.is_some()).collect();

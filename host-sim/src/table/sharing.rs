@@ -1,0 +1,134 @@
+//! Cells of a tile that can do with the seed of another: a seed takes more bytes than a cell.
+//!
+//! While a box is covered it is not known which seeds others will have. So at the end each cell that is alone with its
+//! seed is tried with those of the cells nearest to it in the tree. Halves that have one seed then are one cell.
+
+use std::collections::BTreeMap;
+
+use super::cells::{Cell, Pieces, Plan, Seed, Tiler};
+use super::patch::HalfSpace;
+use super::place::PoseBox;
+
+/// Seeds of others that are looked at in floats for a cell, and those of which a proof is tried.
+const SEEDS_LOOKED_AT: usize = 40;
+const SEEDS_TRIED: usize = 3;
+
+/// The cells of a tile, in the order of the tree.
+struct Cells {
+    seeds: Vec<Seed>,
+    /// How many cells have each seed now.
+    uses: BTreeMap<Seed, usize>,
+    /// The number of the next one.
+    next: usize,
+}
+
+impl Cells {
+    /// The seeds of other cells, of the nearest first, each once.
+    fn nearest(&self, cell: usize) -> Vec<Seed> {
+        let mut nearest = Vec::with_capacity(SEEDS_LOOKED_AT);
+        let both = |far| [cell.checked_sub(far), Some(cell + far)];
+        for other in (1..self.seeds.len()).flat_map(both).flatten() {
+            let Some(seed) = self.seeds.get(other) else { continue };
+            let is_new = *seed != self.seeds[cell] && !nearest.contains(seed);
+            if is_new && self.uses[seed] > 0 {
+                nearest.push(*seed);
+            }
+            if nearest.len() == SEEDS_LOOKED_AT {
+                break;
+            }
+        }
+        nearest
+    }
+
+    fn of(plan: &Plan) -> Self {
+        let mut cells = Self { seeds: Vec::new(), uses: BTreeMap::new(), next: 0 };
+        cells.count(plan);
+        cells
+    }
+
+    fn count(&mut self, plan: &Plan) {
+        match plan {
+            Plan::Split { halves, .. } => halves.iter().for_each(|half| self.count(half)),
+            Plan::Cell(cell) | Plan::Trim { cell, .. } => {
+                self.seeds.push(cell.seed);
+                *self.uses.entry(cell.seed).or_default() += 1;
+            }
+            Plan::Nothing(_) => {}
+        }
+    }
+}
+
+impl Tiler<'_> {
+    /// A plan of a tile with fewer seeds.
+    pub(super) fn shared(&self, plan: Plan, tile: &PoseBox) -> Plan {
+        let mut cells = Cells::of(&plan);
+        self.shared_part(plan, tile, self.effort.depth, &mut cells)
+    }
+
+    fn shared_part(&self, plan: Plan, part: &PoseBox, left: u8, cells: &mut Cells) -> Plan {
+        match plan {
+            Plan::Split { coordinate, halves } => {
+                let coordinate = usize::from(coordinate);
+                let [lower, upper] = *halves;
+                let [below, above] = part.halves(coordinate);
+                let lower = self.shared_part(lower, &below, left - 1, cells);
+                let upper = self.shared_part(upper, &above, left - 1, cells);
+                Plan::of(coordinate, [lower, upper])
+            }
+            Plan::Cell(cell) => Plan::Cell(self.sharing(cell, part, None, left, cells)),
+            Plan::Trim { plane, cell } => {
+                let half = self.before(part, plane);
+                Plan::Trim { plane, cell: self.sharing(cell, part, Some(&half), left, cells) }
+            }
+            Plan::Nothing(gap) => Plan::Nothing(gap),
+        }
+    }
+
+    /// The next cell, with the seed of another if it is alone with its own.
+    fn sharing(
+        &self,
+        cell: Cell,
+        part: &PoseBox,
+        half: Option<&HalfSpace>,
+        left: u8,
+        cells: &mut Cells,
+    ) -> Cell {
+        let number = cells.next;
+        cells.next += 1;
+        if cells.uses[&cell.seed] > 1 {
+            return cell;
+        }
+        let pieces = Pieces::new(part, half, left);
+        let nearest = cells.nearest(number);
+        let leading = nearest.into_iter().filter(|seed| self.leads_over(*seed, &pieces));
+        let shared = leading.take(SEEDS_TRIED).find_map(|seed| self.prove(&pieces, seed));
+        let Some(shared) = shared else { return cell };
+        for (seed, more) in [(cell.seed, 0), (shared.seed, cells.uses[&shared.seed] + 1)] {
+            cells.uses.insert(seed, more);
+        }
+        shared
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use cdpr_core::table::SEED_BYTES;
+
+    use super::*;
+
+    #[test]
+    fn the_nearest_come_first_and_once() {
+        let seed = |number: u8| [number; SEED_BYTES];
+        let plan = |number: u8| Plan::Cell(Cell { seed: seed(number), steps: 1 });
+        let plans = [1, 2, 1, 3, 4, 4, 5].map(plan);
+        let all = plans
+            .into_iter()
+            .rev()
+            .reduce(|rest, plan| Plan::Split { coordinate: 0, halves: Box::new([plan, rest]) });
+        let mut cells = Cells::of(&all.expect("seven"));
+        assert_eq!(cells.nearest(3), [1, 4, 2, 5].map(seed));
+        // Nothing is left of this one.
+        cells.uses.insert(seed(2), 0);
+        assert_eq!(cells.nearest(0), [3, 4, 5].map(seed));
+    }
+}
