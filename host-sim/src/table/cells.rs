@@ -174,13 +174,20 @@ impl Plan {
         }
     }
 
+    /// Its cells, in the order in which they are written.
+    pub(super) fn for_each_cell(&self, see: &mut impl FnMut(&Cell)) {
+        match self {
+            Self::Split { halves, .. } => halves.iter().for_each(|half| half.for_each_cell(see)),
+            Self::Cell(cell) | Self::Trim { cell, .. } => see(cell),
+            Self::Nothing(_) => {}
+        }
+    }
+
     /// Number of cells.
     pub(super) fn cells(&self) -> usize {
-        match self {
-            Self::Split { halves, .. } => halves.iter().map(Self::cells).sum(),
-            Self::Cell(_) | Self::Trim { .. } => 1,
-            Self::Nothing(_) => 0,
-        }
+        let mut count = 0;
+        self.for_each_cell(&mut |_| count += 1);
+        count
     }
 }
 
@@ -350,8 +357,8 @@ impl Tiler<'_> {
 
     /// Covers all of some pieces with one seed: one that the box was given, or one of its own.
     fn pieced(&self, pieces: &Pieces, given: Option<&Seed>, own: &[Seed]) -> Option<Cell> {
-        let seeds = given.into_iter().chain(own).filter(|seed| self.leads_over(**seed, pieces));
-        seeds.into_iter().find_map(|seed| self.prove(pieces, *seed))
+        let mut seeds = given.into_iter().chain(own).filter(|seed| self.leads_over(**seed, pieces));
+        seeds.find_map(|seed| self.prove(pieces, *seed))
     }
 
     /// The cell of some pieces with a seed that leads to solutions over them, if that is proven.
@@ -374,7 +381,7 @@ impl Tiler<'_> {
             let charts = self.prover.led(&at, start, self.effort.steps)?;
             let around = pieces.around(&at);
             let Outlook { turns, defect, .. } = Outlook::new(self.prover, &around, &at, &charts)?;
-            // The cable that turns most is eliminated.
+            // The cable that turns most is the eliminated one, mostly.
             Some((defect + turns[1], around))
         });
         let (_, hardest) = all.max_by(|(a, _), (b, _)| a.total_cmp(b))?;

@@ -22,7 +22,7 @@ pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
         return plan;
     }
     let mut uses = BTreeMap::new();
-    count(&plan, &mut uses);
+    plan.for_each_cell(&mut |cell| *uses.entry(cell.seed).or_default() += 1);
     let at_price = |price: f64| Market { price, uses: &uses }.kept(&plan, 1.0).0;
     // No cell covers more than all.
     let (mut low, mut high) = (0.0, 1.0);
@@ -40,19 +40,11 @@ pub(super) fn fitting(plan: Plan, fits: impl Fn(&Plan) -> bool) -> Plan {
     best
 }
 
-/// How many cells of a plan have each seed.
-fn count(plan: &Plan, uses: &mut BTreeMap<Seed, usize>) {
-    match plan {
-        Plan::Split { halves, .. } => halves.iter().for_each(|half| count(half, uses)),
-        Plan::Cell(cell) | Plan::Trim { cell, .. } => *uses.entry(cell.seed).or_default() += 1,
-        Plan::Nothing(_) => {}
-    }
-}
-
 /// What words cost.
 struct Market<'a> {
     /// Of one word, as a share of the region.
     price: f64,
+    /// How many cells of the plan have each seed.
     uses: &'a BTreeMap<Seed, usize>,
 }
 

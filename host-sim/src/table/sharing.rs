@@ -42,19 +42,11 @@ impl Cells {
 
     fn of(plan: &Plan) -> Self {
         let mut cells = Self { seeds: Vec::new(), uses: BTreeMap::new(), next: 0 };
-        cells.count(plan);
+        plan.for_each_cell(&mut |cell| {
+            cells.seeds.push(cell.seed);
+            *cells.uses.entry(cell.seed).or_default() += 1;
+        });
         cells
-    }
-
-    fn count(&mut self, plan: &Plan) {
-        match plan {
-            Plan::Split { halves, .. } => halves.iter().for_each(|half| self.count(half)),
-            Plan::Cell(cell) | Plan::Trim { cell, .. } => {
-                self.seeds.push(cell.seed);
-                *self.uses.entry(cell.seed).or_default() += 1;
-            }
-            Plan::Nothing(_) => {}
-        }
     }
 }
 
@@ -103,9 +95,8 @@ impl Tiler<'_> {
         let leading = nearest.into_iter().filter(|seed| self.leads_over(*seed, &pieces));
         let shared = leading.take(SEEDS_TRIED).find_map(|seed| self.prove(&pieces, seed));
         let Some(shared) = shared else { return cell };
-        for (seed, more) in [(cell.seed, 0), (shared.seed, cells.uses[&shared.seed] + 1)] {
-            cells.uses.insert(seed, more);
-        }
+        cells.uses.insert(cell.seed, 0);
+        *cells.uses.entry(shared.seed).or_default() += 1;
         shared
     }
 }
