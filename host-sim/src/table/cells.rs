@@ -6,9 +6,10 @@
 //! if there is a fold in one, so with what is before a plane close to that. What is left is halved, in the coordinate
 //! that moves the forces most, and each half is tried in the same way. Halves that are covered from the same seed are one
 //! cell again: at every pose of the face between them the seed leads to one solution, so that the solution is continuous
-//! over both. So it is, too, over the parts of a cell. At last cells that are alone with a seed are [proven](super::sharing)
-//! with that of another.
+//! over both. So it is, too, over the parts of a cell. At last cells whose seed no other has, or one other, are
+//! [proven](super::sharing) with that of another.
 
+use cdpr_core::CABLES;
 use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_BYTES, decoded, encoded};
 use serde::{Deserialize, Serialize};
@@ -17,7 +18,7 @@ use super::border::Edge;
 use super::outlook::Outlook;
 use super::patch::{HalfSpace, Patch};
 use super::place::{Point, PoseBox, largest, spread};
-use super::proof::{Prover, Verdict};
+use super::proof::{Prover, Verdict, is_same};
 use super::survey::{Found, Survey};
 
 /// Poses at which a seed is looked for where there is none at the middle.
@@ -37,7 +38,7 @@ const PIECED: [u8; 8] = [12, 10, 8, 6, 4, 3, 2, 0];
 /// Where so many are left it is trimmed, so far before the fold, in sides of the box.
 const ROOMS: [(u8, &[f64]); 4] = [(9, &[0.01]), (6, &[0.01]), (3, &[0.02, 0.08, 0.2]), (0, &[0.1])];
 /// Halvings of parts beyond those of the smallest cells.
-const PIECE_HALVINGS: u8 = 6;
+const PIECE_HALVINGS: u8 = 8;
 /// Poses of a box that are looked at before it is said that a seed leads to solutions all over it, besides its corners, or
 /// that it is beyond the limits.
 const POSES_LED: usize = 64;
@@ -92,7 +93,7 @@ pub(super) fn started(seed: Seed) -> Option<Start<f64>> {
 
 /// The seed of a start.
 #[allow(clippy::cast_possible_truncation)] // that is what is stored
-fn written(start: &Start<f64>) -> Seed {
+pub(super) fn written(start: &Start<f64>) -> Seed {
     encoded(&start.map(|number| number as f32))
 }
 
@@ -197,12 +198,19 @@ pub(super) struct Pieces<'a> {
     part: &'a PoseBox,
     half: Option<&'a HalfSpace>,
     halvings: u8,
+    /// One of the poses, and the solution of the sheet there.
+    known: (Point, [f64; CABLES]),
 }
 
 impl<'a> Pieces<'a> {
     /// Of a box that may be halved so often.
-    pub(super) fn new(part: &'a PoseBox, half: Option<&'a HalfSpace>, left: u8) -> Self {
-        Self { part, half, halvings: left + PIECE_HALVINGS }
+    pub(super) fn new(
+        part: &'a PoseBox,
+        half: Option<&'a HalfSpace>,
+        left: u8,
+        known: (Point, [f64; CABLES]),
+    ) -> Self {
+        Self { part, half, halvings: left + PIECE_HALVINGS, known }
     }
 
     /// The corners of the box and so many poses all over it, those that are covered.
@@ -259,8 +267,10 @@ impl Tiler<'_> {
         let Some(outlook) = Outlook::new(self.prover, part, &at, &found.charts) else {
             return self.halved(part, depth, given, None, Gap::SingularCable);
         };
-        let mut given: Vec<Seed> = given.iter().copied().filter(|s| self.leads(*s, &at)).collect();
-        let own: Vec<Seed> = outlook.starts.iter().map(written).collect();
+        let known = (at, found.charts);
+        let leads = |seed: &Seed| self.leads_to(*seed, &known);
+        let mut given: Vec<Seed> = given.iter().copied().filter(leads).collect();
+        let own: Vec<Seed> = outlook.starts.iter().map(written).filter(leads).collect();
         let bends = outlook.turns.iter().skip(BENDING).any(|turn| *turn > MOST_TURN);
         let at_once = if bends || outlook.defect > MOST_DEFECT {
             Err((Some(outlook.widest), Gap::Unproven))
@@ -273,7 +283,7 @@ impl Tiler<'_> {
         };
         let left = self.effort.depth - depth;
         if PIECED.contains(&left) {
-            let pieces = Pieces::new(part, None, left);
+            let pieces = Pieces::new(part, None, left, known);
             if let Some(cell) = self.pieced(&pieces, given.first(), &own) {
                 return Plan::Cell(cell);
             }
@@ -339,12 +349,10 @@ impl Tiler<'_> {
             let plane = edge.plane(*room)?;
             let half = self.before(part, plane);
             let middle = Patch::within(*part, &half)?.middle;
-            let outlook = self
-                .survey
-                .follow(at, found, &middle)
-                .and_then(|found| Outlook::new(self.prover, part, &middle, &found.charts));
-            let own = outlook.and_then(|outlook| outlook.starts.first().map(written));
-            let pieces = Pieces::new(part, Some(&half), left);
+            let charts = self.survey.follow(at, found, &middle)?.charts;
+            let outlook = Outlook::new(self.prover, part, &middle, &charts)?;
+            let own = outlook.starts.first().map(written);
+            let pieces = Pieces::new(part, Some(&half), left, (middle, charts));
             let cell = self.pieced(&pieces, given, own.as_slice())?;
             Some(Plan::Trim { plane, cell })
         })
@@ -412,9 +420,10 @@ impl Tiler<'_> {
         }
     }
 
-    /// Whether a seed leads to solutions at the corners of some pieces and all over them.
+    /// Whether a seed leads to the known solution of some pieces, and to one at the corners and all over them.
     pub(super) fn leads_over(&self, seed: Seed, pieces: &Pieces) -> bool {
-        pieces.poses(POSES_LED).all(|at| self.leads(seed, &at))
+        self.leads_to(seed, &pieces.known)
+            && pieces.poses(POSES_LED).all(|at| self.leads(seed, &at))
     }
 
     /// Whether the sheet is found within its limits anywhere in a box.
@@ -426,6 +435,12 @@ impl Tiler<'_> {
     /// Whether a seed leads to a solution at a pose, as far as floats tell.
     fn leads(&self, seed: Seed, at: &Point) -> bool {
         started(seed).is_some_and(|start| self.prover.leads(at, &start, self.effort.steps))
+    }
+
+    /// Whether a seed leads to this solution at a pose: there may be another one of the same sign.
+    pub(super) fn leads_to(&self, seed: Seed, (at, charts): &(Point, [f64; CABLES])) -> bool {
+        let led = started(seed).and_then(|start| self.prover.led(at, &start, self.effort.steps));
+        led.is_some_and(|led| is_same(charts, &led))
     }
 
     /// What of each coordinate a controller's rounding may add.

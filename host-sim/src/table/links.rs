@@ -3,10 +3,10 @@
 //! Within a cell the solution is one continuous function of the pose: at every pose it is where Newton's method
 //! leads from the seed. Two cells that share a face have the same solution all over what they share of it, which is
 //! convex, when they have it at one pose. Where they do not, the sheet has come back to the same poses on another
-//! branch: a seam. Cells that share no face with others of the sheet are linked to it by a straight way, proven box by
-//! box as cells are.
+//! branch: a seam. Cells that share no face with others of the sheet are linked to it by the way on which the survey came
+//! there, proven box by box as cells are.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use cdpr_core::CABLES;
 use cdpr_core::table::{COORDINATES, Gap};
@@ -14,15 +14,15 @@ use cdpr_core::table::{COORDINATES, Gap};
 use super::cells::{Cell, Plan, started};
 use super::outlook::Outlook;
 use super::patch::{HalfSpace, Patch};
-use super::place::{Point, PoseBox, dot};
-use super::proof::{Prover, Verdict};
+use super::place::{Point, PoseBox};
+use super::proof::{Prover, Verdict, is_same};
+use super::survey::Survey;
 
-/// Two solutions that differ by less are one: far below the radii within which each is proven to be alone.
-const SAME: f64 = 1e-6;
-/// Poses of a face that are tried.
-const FACE_ATTEMPTS: usize = 64;
-/// Ways that are tried from what shares no face, the shortest first; halvings of one, and Newton steps of a box of it.
-const WAYS: usize = 48;
+/// Poses of a face, and of a cell, that are tried.
+const POSES_TRIED: usize = 64;
+/// Ways that are tried from cells that are connected to each other but not to the sheet; halvings of a leg, and Newton steps of a box
+/// of it.
+const WAYS: usize = 16;
 const WAY_HALVINGS: u8 = 7;
 const WAY_STEPS: u8 = 6;
 
@@ -58,17 +58,22 @@ impl Sets {
     }
 }
 
-/// Keeps of `plan` what is connected to the cell at `start`; `None` when there is none. Returns the seams
-/// within what is kept as well.
+/// Keeps of `plan` what is connected to the cell with this solution at a pose; `None` when there is none. Returns the
+/// seams within what is kept as well.
 pub(super) fn connected(
     prover: &Prover,
+    survey: &Survey,
     region: &PoseBox,
     plan: Plan,
-    start: &Point,
+    (start, charts): (&Point, &[f64; CABLES]),
 ) -> Option<(Plan, Vec<Seam>)> {
     let mut cells = Vec::new();
     gather(&plan, region, &mut cells);
-    let first = cells.iter().position(|placed| placed.contains(start))?;
+    let is_first = |placed: &Placed| {
+        placed.contains(start)
+            && placed.solution(prover, start).is_some_and(|its| is_same(&its, charts))
+    };
+    let first = cells.iter().position(is_first)?;
     let mut sets = Sets::new(cells.len());
     let mut seams = Vec::new();
     for (a, placed) in cells.iter().enumerate() {
@@ -79,68 +84,45 @@ pub(super) fn connected(
             if is_same(&here, &there) {
                 sets.join(a, b);
             } else {
-                seams.push((a, Seam { pose: at }));
+                seams.push((a, b, Seam { pose: at }));
             }
         }
     }
-    by_ways(prover, &cells, &mut sets, first);
+    by_ways(prover, survey, &cells, &mut sets, first);
     let sheet = sets.root(first);
     let kept: Vec<bool> = (0..cells.len()).map(|index| sets.root(index) == sheet).collect();
-    let seams = seams.into_iter().filter(|(a, _)| kept[*a]).map(|(_, seam)| seam).collect();
+    let within = seams.into_iter().filter(|(a, b, _)| kept[*a] && kept[*b]);
+    let seams = within.map(|(_, _, seam)| seam).collect();
     let mut index = 0;
     Some((keep(plan, &kept, &mut index), seams))
 }
 
-/// Whether two solutions at one pose are the same.
-fn is_same(here: &[f64; CABLES], there: &[f64; CABLES]) -> bool {
-    (0..CABLES).all(|i| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs()))
-}
-
-/// Joins what a way links to the cells of the sheet, as long as there is more of it: what was joined may link others.
-fn by_ways(prover: &Prover, cells: &[Placed], sets: &mut Sets, first: usize) {
-    let poses: Vec<Option<Point>> = cells.iter().map(Placed::pose).collect();
-    let mut tried = HashSet::new();
-    while joined_by_ways(prover, cells, &poses, sets, first, &mut tried) {}
-}
-
-/// Whether any was joined; none of the ways is tried again.
-fn joined_by_ways(
-    prover: &Prover,
-    cells: &[Placed],
-    poses: &[Option<Point>],
-    sets: &mut Sets,
-    first: usize,
-    tried: &mut HashSet<(usize, usize)>,
-) -> bool {
-    let sheet = sets.root(first);
+/// Joins to the sheet what shares no face with others of it but is linked to them by a way: that by which the survey came
+/// there from the start, proven leg by leg.
+fn by_ways(prover: &Prover, survey: &Survey, cells: &[Placed], sets: &mut Sets, first: usize) {
     let roots: Vec<usize> = (0..cells.len()).map(|index| sets.root(index)).collect();
-    let mut ways: BTreeMap<usize, Vec<(f64, usize, usize)>> = BTreeMap::new();
-    for (a, from) in poses.iter().enumerate().filter(|(a, _)| roots[*a] != sheet) {
-        for (b, to) in poses.iter().enumerate().filter(|(b, _)| roots[*b] == sheet) {
-            if let (Some(from), Some(to)) = (from, to) {
-                let way: Point = std::array::from_fn(|k| to[k] - from[k]);
-                ways.entry(roots[a]).or_default().push((dot(&way, &way), a, b));
+    let mut tried: BTreeMap<usize, usize> = BTreeMap::new();
+    for (a, from) in cells.iter().enumerate() {
+        let tried = tried.entry(roots[a]).or_default();
+        if *tried >= WAYS || sets.root(a) == sets.root(first) {
+            continue;
+        }
+        let Some((end, at_end)) = from.known(prover, survey) else { continue };
+        *tried += 1;
+        let (mut at, mut known) = (end, at_end);
+        for to in survey.way_back(&end) {
+            let Some(there) = walked(prover, (&at, &known), &to, WAY_HALVINGS) else { break };
+            for (b, cell) in cells.iter().enumerate().filter(|(_, cell)| cell.contains(&to)) {
+                if cell.solution(prover, &to).is_some_and(|its| is_same(&its, &there)) {
+                    sets.join(a, b);
+                }
             }
+            if sets.root(a) == sets.root(first) {
+                break;
+            }
+            (at, known) = (to, there);
         }
     }
-    let mut is_joined = false;
-    for (root, mut ways) in ways {
-        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut links = |&(_, a, b): &(f64, usize, usize)| {
-            let link = || {
-                let (from, to) = (poses[a]?, poses[b]?);
-                let start = cells[a].solution(prover, &from)?;
-                let end = walked(prover, (&from, &start), &to, WAY_HALVINGS)?;
-                is_same(&end, &cells[b].solution(prover, &to)?).then_some(())
-            };
-            tried.insert((a, b)) && link().is_some()
-        };
-        if ways.iter().take(WAYS).any(&mut links) {
-            sets.join(root, sheet);
-            is_joined = true;
-        }
-    }
-    is_joined
 }
 
 /// The solution at the end of a straight way that is the one at its beginning, proven all along: the way is covered
@@ -186,9 +168,14 @@ impl Placed {
         self.part.contains(at) && self.trim.is_none_or(|half| half.contains(at))
     }
 
-    /// A pose of it.
-    fn pose(&self) -> Option<Point> {
-        Some(Patch::of(self.part, self.trim.as_ref())?.middle)
+    /// A pose of it at which its solution is that of the survey, and the solution.
+    fn known(&self, prover: &Prover, survey: &Survey) -> Option<(Point, [f64; CABLES])> {
+        let middle = Patch::of(self.part, self.trim.as_ref())?.middle;
+        let others = self.part.spread(POSES_TRIED).filter(|at| self.contains(at));
+        std::iter::once(middle).chain(others).find_map(|at| {
+            let (known, found) = (self.solution(prover, &at)?, survey.solution(&at)?);
+            is_same(&known, &found.charts).then_some((at, known))
+        })
     }
 
     /// Its solution at a pose of it.
@@ -205,7 +192,7 @@ impl Placed {
             return None;
         }
         let is_of_both = |at: &Point| self.contains(at) && other.contains(at);
-        let others = face.spread(FACE_ATTEMPTS);
+        let others = face.spread(POSES_TRIED);
         std::iter::once(face.middle()).chain(others).find(is_of_both)
     }
 }
@@ -260,11 +247,27 @@ mod tests {
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt as _, SeedableRng as _};
 
-    use super::super::Model;
+    use super::super::cells::{Effort, Tiler, written};
+    use super::super::{LEVEL, Model, Region};
     use super::*;
     use crate::choice::{Choice, choose};
     use crate::enumerate::{ModelKind, Request};
-    use crate::robot_file::RobotDescription;
+    use crate::robot_file::{CableLimits, RobotDescription};
+
+    /// MARIONET-CRANE, level at a position, and one of its solutions within 60 m.
+    fn hung(position_m: [f64; 3], solution: Option<usize>) -> (Prover, [f64; CABLES]) {
+        let mut robot = RobotDescription::marionet_crane();
+        for limits in &mut robot.limits {
+            limits.max_length_m = 60.0;
+        }
+        let load = robot.load;
+        let model = ModelKind::Irvine;
+        let request = Request { robot, position_m, rotation_vector_rad: [0.0; 3], model };
+        let robot = request.problem::<Model>().expect("a problem").robot;
+        let states = choose(&request, Choice::Shortest, solution).expect("a solution").states;
+        let charts = std::array::from_fn(|i| robot.cables()[i].model.chart(&states[i]));
+        (Prover::new(&robot, &load), charts)
+    }
 
     /// Where many small steps of Newton's method lead, without proof; `None` where one is long, or changes the sign.
     fn in_small_steps(
@@ -296,17 +299,7 @@ mod tests {
     /// From a pose at 17 cm from a fold: ways end where small steps lead, and none goes through the fold.
     #[test]
     fn ways_end_where_small_steps_lead() {
-        let mut robot = RobotDescription::marionet_crane();
-        for limits in &mut robot.limits {
-            limits.max_length_m = 60.0;
-        }
-        let load = robot.load;
-        let (position_m, model) = ([2.1, 9.1, 1.2], ModelKind::Irvine);
-        let request = Request { robot, position_m, rotation_vector_rad: [0.0; 3], model };
-        let robot = request.problem::<Model>().expect("a problem").robot;
-        let states = choose(&request, Choice::Shortest, None).expect("a solution").states;
-        let prover = Prover::new(&robot, &load);
-        let start = std::array::from_fn(|i| robot.cables()[i].model.chart(&states[i]));
+        let (prover, start) = hung([2.1, 9.1, 1.2], None);
         let from = [2.1, 9.1, 1.2, 0.0, 0.0, 0.0];
         let (mut linked, mut folded) = (0, 0);
         let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -328,5 +321,54 @@ mod tests {
             }
         }
         assert!(linked > 5 && folded > 5, "{linked} {folded}");
+    }
+    /// Where two branches of one sign are over the same poses, one of them is of the sheet. A seed that leads to the other
+    /// is not taken. Cells with a gap between them are linked by the way through it if they have one solution there, and
+    /// not else.
+    #[test]
+    fn of_two_branches_one_is_of_the_sheet() {
+        let position_m = [3.438, 7.32, 1.089];
+        let [(prover, start), (_, other)] = [1, 3].map(|number| hung(position_m, Some(number)));
+        // The branches are over the same poses in a band 2 cm wide, along z.
+        let around = |aside: f64, up: f64| {
+            let [x, y, z] = position_m;
+            PoseBox {
+                low: [x - aside, y - aside, z - up, -LEVEL, -LEVEL, -LEVEL],
+                high: [x + aside, y + aside, z + up, LEVEL, LEVEL, LEVEL],
+            }
+        };
+        let poses = around(0.001, 0.02);
+        let at = poses.middle();
+        let limits = [CableLimits { max_length_m: 60.0, max_tension_n: f64::INFINITY }; CABLES];
+        let region = Region { poses: around(0.02, 0.1), limits };
+        let survey = Survey::new(&prover, &region, &at, &start).expect("the sheet");
+        let seed = |charts: &[f64; CABLES]| {
+            let outlook = Outlook::new(&prover, &poses, &at, charts).expect("regular");
+            written(&outlook.starts[0])
+        };
+        let effort = Effort { steps: 4, depth: 1, max_bytes: None };
+        let tiler = Tiler { prover: &prover, survey: &survey, region: &poses, effort };
+        assert!(tiler.leads_to(seed(&start), &(at, start)));
+        assert!(!tiler.leads_to(seed(&other), &(at, start)));
+
+        let cell = |charts: &[f64; CABLES]| Plan::Cell(Cell { seed: seed(charts), steps: 4 });
+        let split = |lower: Plan, upper: Plan| Plan::Split {
+            coordinate: 2,
+            halves: Box::new([lower, upper]),
+        };
+        let linked = |upper: Plan| {
+            let plan = split(cell(&start), upper);
+            let (plan, seams) =
+                connected(&prover, &survey, &poses, plan, (&at, &start)).expect("the first");
+            (plan.cells(), seams.len())
+        };
+        let gap = || Plan::Nothing(Gap::Unproven);
+        assert_eq!(linked(split(gap(), cell(&start))), (2, 0));
+        assert_eq!(linked(split(gap(), cell(&other))), (1, 0));
+        // They share a face, but no seam is within the sheet.
+        assert_eq!(linked(cell(&other)), (1, 0));
+        // Nor is there anything of the sheet where another branch alone is covered.
+        let other = connected(&prover, &survey, &poses, cell(&other), (&at, &start));
+        assert!(other.is_none());
     }
 }

@@ -45,7 +45,7 @@ pub use file::WriteFault;
 pub use links::Seam;
 use links::connected;
 pub use place::PoseBox;
-use proof::Prover;
+use proof::{Prover, is_same};
 pub use sheets::{BestPose, Border, Member, Sheet, Sheets};
 use survey::Survey;
 pub use verify::{Verification, verify};
@@ -58,8 +58,9 @@ const TILE_M: f64 = 1.0;
 const MOST_TILES: usize = 4096;
 /// Half the extent of a coordinate that is not to vary: the turn vector of a level platform in f32.
 pub const LEVEL: f64 = 1e-6;
-/// Poses at which the coverage is measured.
+/// Poses at which the coverage is measured, at least, and for each cell.
 const COVERAGE_SAMPLES: usize = 20_000;
+const SAMPLES_OF_CELL: usize = 12;
 /// Newton steps to the start on the robot whose parameters were rounded.
 const START_STEPS: usize = 30;
 
@@ -274,17 +275,19 @@ impl Order {
     /// The table of all tiles. Cells are linked, and seams found, before any is left out for the size.
     ///
     /// # Errors
-    /// [`OrderError::StartUncovered`], [`OrderError::Write`].
+    /// [`OrderError`], but for those of an order.
     ///
     /// # Panics
     /// When `plans` are not those of this order.
     pub fn assemble(&self, plans: Vec<Plan>) -> Result<Outcome, OrderError> {
         let (prover, region) = (self.prover(), self.region());
+        let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
         let start = self.start.map(f64::from);
         let mut plans = plans.into_iter();
         let plan = self.tile(&region.poses, &mut |_| plans.next().expect("a plan for each tile"));
         let (plan, seams) =
-            connected(&prover, &region.poses, plan, &start).ok_or(OrderError::StartUncovered)?;
+            connected(&prover, &survey, &region.poses, plan, (&start, &self.start_charts))
+                .ok_or(OrderError::StartUncovered)?;
         let header = file::Header {
             low: self.low,
             extent: self.extent,
@@ -302,12 +305,18 @@ impl Order {
         let bytes = write(&plan)?;
         let table = Table::open(&bytes).expect("what was just written");
         let at_start = place::pose(&start).map_err(OrderError::Pose)?;
-        if !is_short(&bytes) || table.start_at(&at_start).is_err() {
+        let seed = table.start_at(&at_start).map_err(|_| OrderError::StartLeftOut)?;
+        if !is_short(&bytes) {
             return Err(OrderError::StartLeftOut);
         }
-        let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
+        // On a face of cells a reader may take another one than was taken for the first.
+        let led = prover.led(&start, &seed, table.steps());
+        if !led.is_some_and(|led| is_same(&self.start_charts, &led)) {
+            return Err(OrderError::StartUncovered);
+        }
+        let (cells, seeds, steps) = (plan.cells(), table.seeds(), table.steps());
         let (mut wanted, mut covered) = (0, 0);
-        for at in region.poses.spread(COVERAGE_SAMPLES) {
+        for at in region.poses.spread(COVERAGE_SAMPLES.max(SAMPLES_OF_CELL * cells)) {
             if survey.solution(&at).is_some_and(|found| found.is_within) {
                 wanted += 1;
                 let pose = place::pose(&at).map_err(OrderError::Pose)?;
@@ -316,7 +325,6 @@ impl Order {
         }
         let mut gaps = BTreeMap::new();
         links::gaps(&plan, &mut gaps);
-        let (cells, seeds, steps) = (plan.cells(), table.seeds(), table.steps());
         Ok(Outcome {
             cells,
             seeds,

@@ -249,6 +249,14 @@ impl Prover {
     }
 }
 
+/// Two solutions that differ by less are one: far below the radii within which each is proven to be alone.
+const SAME: f64 = 1e-6;
+
+/// Whether two solutions at one pose are the same.
+pub(super) fn is_same(here: &[f64; CABLES], there: &[f64; CABLES]) -> bool {
+    (0..CABLES).all(|i| (here[i] - there[i]).abs() <= SAME * (1.0 + here[i].abs()))
+}
+
 /// Whether the forces at two sets of coordinates are as close as a table asks for, by the slopes of a step.
 fn is_near(step: &ChartStep<f64>, a: &[f64; CABLES], b: &[f64; CABLES]) -> bool {
     let (mut off_n, mut forces_n) = (0.0_f64, 0.0);

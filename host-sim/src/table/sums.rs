@@ -23,6 +23,9 @@ const BEND: f64 = 0.08;
 const ROUGH_BEND: f64 = 0.02;
 /// A number is well known when its least size exceeds its radius by this factor.
 const TOLD: f64 = 1.0;
+/// Rounding of a force in the arithmetic of a controller in f32, as a part of it, about: it only says how far fine pieces
+/// go, and the proof bounds it by itself.
+const ARITHMETIC: f64 = 24.0 * f32::EPSILON as f64;
 /// Fine pieces on one side of the solution at most.
 const MOST_FINE: usize = 128;
 /// For the rounding of sums of non-negative bounds.
@@ -147,12 +150,15 @@ impl<'a> Sums<'a> {
         let tangent_n =
             balance.planes()[*cable].wrench_n(&at_center.points[*cable].force_by_chart_n);
         let rise = self.inverse.matrix.row(*cable).transpose().dot(&tangent_n);
-        let known = here.sum[*cable].radius() / rise;
+        // How well the sum is known: in the arithmetic of a controller, and over the patch.
+        let force_n: f64 = at_center.points.iter().map(|point| point.state.force_n.norm()).sum();
+        let noise = self.inverse.per_newton[*cable] * (ARITHMETIC * force_n);
+        let known = here.sum[*cable].radius().max(noise) / rise;
         if !(known > 0.0 && known.is_finite()) {
             return None;
         }
-        let (down, down_joints, low) = self.march(at, -known, bracket[0])?;
-        let (up, up_joints, high) = self.march(at, known, bracket[1])?;
+        let (down, down_joints, low) = self.march(at, (-known, noise), bracket[0])?;
+        let (up, up_joints, high) = self.march(at, (known, noise), bracket[1])?;
         let mut pieces = self.beyond(bracket[0], low)?;
         let first_fine = pieces.len();
         let middle = first_fine + down.len();
@@ -327,8 +333,14 @@ impl<'a> Sums<'a> {
     }
 
     /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
-    /// towards `end`, beginning with about the distance `known`, which has the sign of the way.
-    fn march(&self, at: f64, known: f64, end: f64) -> Option<(Vec<Piece>, Vec<Piece>, f64)> {
+    /// towards `end`, beginning with about the distance `known`, which has the sign of the way. A sum as small as `noise`
+    /// has none for certain.
+    fn march(
+        &self,
+        at: f64,
+        (known, noise): (f64, f64),
+        end: f64,
+    ) -> Option<(Vec<Piece>, Vec<Piece>, f64)> {
         let cable = self.view.seed.eliminated;
         let (mut pieces, mut joints, mut chart) = (Vec::new(), Vec::new(), at);
         let mut exact = self.exactly(at)?;
@@ -344,7 +356,7 @@ impl<'a> Sums<'a> {
             exact = self.exactly(next)?;
             let (joint, _) = self.joint(&exact, next)?;
             let sum = joint.sum[cable];
-            let is_certain = sum.middle() * step.signum() > 2.0 * sum.radius();
+            let is_certain = sum.middle() * step.signum() > 2.0 * sum.radius() + noise;
             joints.push(joint);
             chart = next;
             if is_certain || falls || is_last {

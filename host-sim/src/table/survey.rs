@@ -1,5 +1,6 @@
 //! Where the sheet is, roughly: followed over a grid of level poses, from the start outwards, the poses with
-//! the shortest longest cable first. Nothing is proven here; it says where to look for seeds.
+//! the shortest longest cable first. Nothing is proven here; it says where to look for seeds, which solution they are to
+//! lead to, and by which ways cells may be linked.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -37,9 +38,19 @@ pub(super) struct Found {
 pub(super) struct Survey<'a> {
     prover: &'a Prover,
     region: &'a Region,
+    /// Where it began.
+    start: Point,
     counts: [usize; 3],
-    /// Turn vector of all grid points: the middle of the region.
-    nodes: Vec<Option<Found>>,
+    /// At the grid points, which all have the turn vector of the middle of the region.
+    nodes: Vec<Option<Node>>,
+}
+
+/// A grid point with the solution there.
+#[derive(Clone, Copy)]
+struct Node {
+    found: Found,
+    /// The one from which it was followed; itself for the first.
+    from: usize,
 }
 
 /// For the queue, where infinities and NaN are not used.
@@ -77,20 +88,21 @@ impl<'a> Survey<'a> {
             (space.extent(k) / spacing).ceil().clamp(1.0, 1e4) as usize + 1
         });
         let nodes = vec![None; counts.iter().product()];
-        let mut survey = Self { prover, region, counts, nodes };
+        let mut survey = Self { prover, region, start: *start, counts, nodes };
         let first = survey.found_at(start, charts)?;
         let nearest = survey.nearest(start);
         let mut queue = BinaryHeap::new();
         let at_first = survey.follow(start, &first, &survey.place(nearest))?;
         queue.push((Reverse(Share(at_first.length_share)), nearest));
         let mut pending = vec![None; survey.nodes.len()];
-        pending[nearest] = Some(at_first);
+        pending[nearest] = Some(Node { found: at_first, from: nearest });
         while let Some((_, index)) = queue.pop() {
             if survey.nodes[index].is_some() {
                 continue;
             }
-            let Some(found) = pending[index] else { continue };
-            survey.nodes[index] = Some(found);
+            let Some(node) = pending[index] else { continue };
+            survey.nodes[index] = Some(node);
+            let found = node.found;
             if found.length_share > BEYOND {
                 continue;
             }
@@ -103,9 +115,9 @@ impl<'a> Survey<'a> {
                     continue;
                 };
                 let better = pending[neighbour]
-                    .is_none_or(|known: Found| next.length_share < known.length_share);
+                    .is_none_or(|known: Node| next.length_share < known.found.length_share);
                 if better {
-                    pending[neighbour] = Some(next);
+                    pending[neighbour] = Some(Node { found: next, from: index });
                     queue.push((Reverse(Share(next.length_share)), neighbour));
                 }
             }
@@ -213,12 +225,26 @@ impl<'a> Survey<'a> {
     /// The solution of the sheet at any pose of the region, by the straight way from the nearest grid point
     /// that has one.
     pub(super) fn solution(&self, at: &Point) -> Option<Found> {
+        Some(self.reached(at)?.1)
+    }
+
+    /// The poses of the grid by which the sheet was followed from the start to a pose, from that back to the start.
+    pub(super) fn way_back(&self, at: &Point) -> impl Iterator<Item = Point> {
+        let last = self.reached(at).map(|(index, _)| index);
+        let before = |index: &usize| {
+            let from = self.nodes[*index]?.from;
+            (from != *index).then_some(from)
+        };
+        let nodes = std::iter::successors(last, before).map(|index| self.place(index));
+        nodes.chain(last.map(|_| self.start))
+    }
+
+    /// The grid point from which the sheet is followed to a pose, and the solution there.
+    fn reached(&self, at: &Point) -> Option<(usize, Found)> {
         let nearest = self.nearest(at);
-        let mut candidates: Vec<usize> = vec![nearest];
-        candidates.extend(self.neighbours(nearest));
-        candidates.into_iter().find_map(|index| {
-            let found = self.nodes[index].as_ref()?;
-            self.follow(&self.place(index), found, at)
+        std::iter::once(nearest).chain(self.neighbours(nearest)).find_map(|index| {
+            let found = &self.nodes[index].as_ref()?.found;
+            Some((index, self.follow(&self.place(index), found, at)?))
         })
     }
 
@@ -236,7 +262,7 @@ impl<'a> Survey<'a> {
         range(2).any(|z| {
             range(1).any(|y| {
                 range(0).any(|x| {
-                    self.nodes[self.index(&[x, y, z])].is_some_and(|f| f.length_share <= 1.2)
+                    self.nodes[self.index(&[x, y, z])].is_some_and(|n| n.found.length_share <= 1.2)
                 })
             })
         })
