@@ -20,8 +20,8 @@ use super::survey::Survey;
 
 /// Poses of a face, and of a cell, that are tried.
 const POSES_TRIED: usize = 64;
-/// Ways that are tried from cells that are connected to each other but not to the sheet; halvings of a leg, and Newton steps of a box
-/// of it.
+/// Ways that are tried from cells that are connected to each other but not to the sheet; halvings of a leg, and Newton
+/// steps of a box of it.
 const WAYS: usize = 16;
 const WAY_HALVINGS: u8 = 7;
 const WAY_STEPS: u8 = 6;
@@ -322,6 +322,7 @@ mod tests {
         }
         assert!(linked > 5 && folded > 5, "{linked} {folded}");
     }
+
     /// Where two branches of one sign are over the same poses, one of them is of the sheet. A seed that leads to the other
     /// is not taken. Cells with a gap between them are linked by the way through it if they have one solution there, and
     /// not else.

@@ -49,8 +49,8 @@ pub(super) struct Survey<'a> {
 #[derive(Clone, Copy)]
 struct Node {
     found: Found,
-    /// The one from which it was followed; itself for the first.
-    from: usize,
+    /// The one from which it was followed; none for the first.
+    from: Option<usize>,
 }
 
 /// For the queue, where infinities and NaN are not used.
@@ -95,7 +95,7 @@ impl<'a> Survey<'a> {
         let at_first = survey.follow(start, &first, &survey.place(nearest))?;
         queue.push((Reverse(Share(at_first.length_share)), nearest));
         let mut pending = vec![None; survey.nodes.len()];
-        pending[nearest] = Some(Node { found: at_first, from: nearest });
+        pending[nearest] = Some(Node { found: at_first, from: None });
         while let Some((_, index)) = queue.pop() {
             if survey.nodes[index].is_some() {
                 continue;
@@ -117,7 +117,7 @@ impl<'a> Survey<'a> {
                 let better = pending[neighbour]
                     .is_none_or(|known: Node| next.length_share < known.found.length_share);
                 if better {
-                    pending[neighbour] = Some(Node { found: next, from: index });
+                    pending[neighbour] = Some(Node { found: next, from: Some(index) });
                     queue.push((Reverse(Share(next.length_share)), neighbour));
                 }
             }
@@ -231,11 +231,8 @@ impl<'a> Survey<'a> {
     /// The poses of the grid by which the sheet was followed from the start to a pose, from that back to the start.
     pub(super) fn way_back(&self, at: &Point) -> impl Iterator<Item = Point> {
         let last = self.reached(at).map(|(index, _)| index);
-        let before = |index: &usize| {
-            let from = self.nodes[*index]?.from;
-            (from != *index).then_some(from)
-        };
-        let nodes = std::iter::successors(last, before).map(|index| self.place(index));
+        let nodes = std::iter::successors(last, |index| self.nodes[*index]?.from);
+        let nodes = nodes.map(|index| self.place(index));
         nodes.chain(last.map(|_| self.start))
     }
 
