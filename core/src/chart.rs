@@ -74,10 +74,15 @@ pub struct Hung<T: Scalar> {
     pub force_n: Vector2<T>,
     /// Rest length, m.
     pub rest_length_m: T,
-    /// Change of the force per unit of the coordinate, N.
+    /// Change of the force by the force density of the cable (`m`, see [`IrvineCatenary`](crate::IrvineCatenary)), m: where
+    /// the curve is heading, hardly different all along a taut cable's.
+    pub heading_m: Vector2<T>,
+    /// Change of the force per unit of the coordinate, N: the heading, so many times as fast as the density changes.
     pub force_by_chart_n: Vector2<T>,
     /// Change of the strain per unit of the coordinate.
     pub strain_by_chart: T,
+    /// Change of the strain at fixed coordinate when the end moves in x and in z, 1/m.
+    pub strain_by_end_per_m: Vector2<T>,
     /// Change of the force at fixed coordinate when the end moves in x, N/m.
     pub force_by_x_n_m: Vector2<T>,
     /// And in z.
@@ -520,6 +525,10 @@ mod tests {
             };
             let by_chart = (force(x, z, chart + step) - force(x, z, chart - step)) / (2.0 * step);
             near(hung.force_by_chart_n, by_chart, "chart");
+            // By the force density, which falls as the coordinate rises: without the half weight in it, which does not.
+            let density = |chart: f64| 0.5 * model.weight_n_m * root(chart) * root(chart);
+            let fall = (density(chart + step) - density(chart - step)) / (2.0 * step);
+            near(hung.heading_m * fall, by_chart, "density");
             let h = 1e-5 * x;
             near(
                 hung.force_by_x_n_m,
@@ -531,6 +540,19 @@ mod tests {
                 (force(x, z + h, chart) - force(x, z - h, chart)) / (2.0 * h),
                 "z",
             );
+            let strained = |x, z| {
+                let state = model.hang(x, z, chart).state;
+                let weight_n_m = model.weight_n_m;
+                let tension_n =
+                    state.tension_at_attachment_n() + state.tension_at_anchor_n(weight_n_m);
+                0.5 * model.compliance_per_n * tension_n
+            };
+            let by_end = Vector2::new(
+                (strained(x + h, z) - strained(x - h, z)) / (2.0 * h),
+                (strained(x, z + h) - strained(x, z - h)) / (2.0 * h),
+            );
+            let off = (hung.strain_by_end_per_m - by_end).norm();
+            assert!(off <= 1e-6 * by_end.norm() + 1e-9 * strain(chart) / h, "{off} {by_end}");
             let by_chart = (strain(chart + step) - strain(chart - step)) / (2.0 * step);
             assert!(
                 (hung.strain_by_chart - by_chart).abs()

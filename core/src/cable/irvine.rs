@@ -162,7 +162,8 @@ impl<T: Scalar> Charted<T> for IrvineCatenary<T> {
         let softness = strain * (level * per_wide + steep * per_stretch);
         let per_soft = one / (one + softness);
         let (sag_share, stretch_share) = (sag * per_wide, (strain + sag) * per_wide);
-        let bend = level * (q * q / open * stretch_share + sag_share);
+        let slack_share = q * q / open;
+        let bend = level * (slack_share * stretch_share + sag_share);
         let strain_rate = strain * (one - bend) * per_soft;
 
         // Rates by p: d ln m/dp = drive s^3 q, because m = (w/2)(1 + s^2) and p = c/s - s^2. What grows with
@@ -187,6 +188,11 @@ impl<T: Scalar> Charted<T> for IrvineCatenary<T> {
         Hung {
             force_n: Vector2::new(fx, half_weight + pull),
             rest_length_m,
+            heading_m: Vector2::new(
+                across * (one - sag_share + (slack_share - strain_rate) * per_wide),
+                down * (one - strain_rate * per_stretch)
+                    - rest_length_m * q * ((bend + softness) * per_soft),
+            ),
             force_by_chart_n: Vector2::new(
                 across
                     * (density_rate * (one - strain_rate * per_wide - sag_share)
@@ -195,6 +201,7 @@ impl<T: Scalar> Charted<T> for IrvineCatenary<T> {
                     - half_n_m * shortening * per_soft,
             ),
             strain_by_chart: strain_rate * rate,
+            strain_by_end_per_m: Vector2::new(strain * length_by_x, strain * length_by_z),
             force_by_x_n_m: Vector2::new(
                 density * per_wide * (one - softer * level * per_soft),
                 length_by_x * lift,

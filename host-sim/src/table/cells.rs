@@ -38,7 +38,7 @@ const PIECED: [u8; 8] = [12, 10, 8, 6, 4, 3, 2, 0];
 /// Where so many are left it is trimmed, so far before the fold, in sides of the box.
 const ROOMS: [(u8, &[f64]); 4] = [(9, &[0.01]), (6, &[0.01]), (3, &[0.02, 0.08, 0.2]), (0, &[0.1])];
 /// Halvings of parts beyond those of the smallest cells.
-const PIECE_HALVINGS: u8 = 8;
+const PIECE_HALVINGS: u8 = 7;
 /// Poses of a box that are looked at before it is said that a seed leads to solutions all over it, besides its corners, or
 /// that it is beyond the limits.
 const POSES_LED: usize = 64;

@@ -3,7 +3,7 @@
 use cdpr_core::chart::{Charted, Hung, chart_of_root, root};
 use cdpr_core::{CABLES, IrvineCatenary, Robot};
 use nalgebra::Vector2;
-use num_traits::One;
+use num_traits::{One, Zero};
 
 use super::Model;
 use super::place::{Sight, alike};
@@ -15,8 +15,10 @@ const STRAIN_STEPS: usize = 1;
 /// A range is taken in parts when the change of the slope over it is not known to this part, so many that the
 /// logarithm of the root changes by so much, and not more.
 const WIDE: f64 = 0.03;
-const PART: f64 = 0.08;
+const PART: f64 = 0.05;
 const MOST_PARTS: f64 = 16.0;
+/// A curve over which the slant is known so well is taken at once.
+const STRAIGHT: f64 = 1e-4;
 /// Stretches in which a curve is followed: the root changes by this part over each, and so many at most.
 const STRETCH: f64 = 0.04;
 const MOST_STRETCHES: usize = 64;
@@ -30,14 +32,18 @@ pub(super) struct Curves {
 
 /// One cable over a box of poses and a range of its coordinate: force, and its first and second derivative by
 /// the coordinate.
-#[allow(clippy::struct_field_names)] // their unit
 pub(super) struct Reach {
     pub(super) force_n: Vector2<Interval>,
     pub(super) by_chart_n: Vector2<Interval>,
     pub(super) bend_n: Vector2<Interval>,
-    /// How force and first derivative change with the end of the cable in `x` and in `z`, per metre.
+    /// How the force changes with the end of the cable in `x` and in `z`, N/m.
     pub(super) by_end_n: [Vector2<Interval>; 2],
-    pub(super) turn_n: [Vector2<Interval>; 2],
+    /// The tangents by the force density of the cable, how they change with the coordinate, and that in the middle of the
+    /// range. They turn with the pose, but do not grow as a cable gets taut, so that little cancels where they turn little.
+    pub(super) tangent_m: Vector2<Interval>,
+    tangent_bend_m: Vector2<Interval>,
+    /// Of a range in parts: in the middles of all of them.
+    middle_m: Vector2<Interval>,
 }
 
 impl Reach {
@@ -48,7 +54,9 @@ impl Reach {
             by_chart_n: both(&self.by_chart_n, &other.by_chart_n),
             bend_n: both(&self.bend_n, &other.bend_n),
             by_end_n: [0, 1].map(|k| both(&self.by_end_n[k], &other.by_end_n[k])),
-            turn_n: [0, 1].map(|k| both(&self.turn_n[k], &other.turn_n[k])),
+            tangent_m: both(&self.tangent_m, &other.tangent_m),
+            tangent_bend_m: both(&self.tangent_bend_m, &other.tangent_bend_m),
+            middle_m: both(&self.middle_m, &other.middle_m),
         }
     }
 }
@@ -59,41 +67,56 @@ pub(super) struct Heading {
     direction: Vector2<f64>,
     pub(super) rate_n: Interval,
     pub(super) slant: Interval,
-    /// How direction and slant change with the end of the cable in `x` and in `z`, per metre.
-    pub(super) turn: [Vector2<Interval>; 2],
+    /// How the slant changes with the coordinate.
+    pub(super) bend: Interval,
 }
 
 impl Heading {
     /// `None` where it may turn back.
-    pub(super) fn new(reach: &Reach, direction: &Vector2<f64>) -> Option<Self> {
-        // Of unit length but for rounding.
-        const LENGTH: f64 = 8.0 * f64::EPSILON;
-        let direction = *direction;
-        let (along_n, aside_n) = seen(&reach.by_chart_n, &direction);
-        let rate_n = along_n * Interval::around(1.0, LENGTH);
-        let is_on = rate_n.low() > 0.0; // false for NaN
+    fn of(reach: &Reach, chart: Interval, direction: &Vector2<f64>) -> Option<Self> {
+        let (rate_n, _) = seen(&reach.by_chart_n, direction);
+        let (along_m, across_m) = seen(&reach.tangent_m, direction);
+        let is_on = rate_n.low() > 0.0 && along_m.low() > 0.0; // false for NaN
         if !is_on {
             return None;
         }
-        let slant = aside_n / along_n;
-        let turn = reach.turn_n.map(|turn_n| {
-            let (along, aside) = seen(&turn_n, &direction);
-            let by_end = (aside - slant * along) / along_n;
-            Vector2::new(-direction.y, direction.x).map(|c| by_end * Interval::point(c))
-        });
-        Some(Self { direction, rate_n, slant, turn })
+        let slant = across_m / along_m;
+        let (bent_along, bent_across) = seen(&reach.tangent_bend_m, direction);
+        let bend = (bent_across - slant * bent_along) / along_m;
+        // By the mean value theorem: all along the curve its parts change together.
+        let (along_m, across_m) = seen(&reach.middle_m, direction);
+        let near = across_m / along_m + bend * Interval::symmetric(chart.radius());
+        let slant = slant.intersection(near)?;
+        let is_known = [rate_n, slant, bend].iter().all(|c| c.is_bounded());
+        is_known.then_some(Self { direction: *direction, rate_n, slant, bend })
+    }
+
+    fn hull(&self, other: &Self) -> Self {
+        Self {
+            direction: self.direction,
+            rate_n: self.rate_n.hull(other.rate_n),
+            slant: self.slant.hull(other.slant),
+            bend: self.bend.hull(other.bend),
+        }
     }
 
     /// The direction with a slant.
     pub(super) fn vector(&self, slant: Interval) -> Vector2<Interval> {
-        let along = self.direction.map(Interval::point);
-        along + Vector2::new(-along.y, along.x) * slant
+        self.direction.map(Interval::point) + self.across(slant)
+    }
+
+    /// So much of the direction across.
+    pub(super) fn across(&self, size: Interval) -> Vector2<Interval> {
+        Vector2::new(-self.direction.y, self.direction.x).map(|c| Interval::point(c) * size)
     }
 }
 
-/// What a vector is along a direction, and across it.
-fn seen(v: &Vector2<Interval>, direction: &Vector2<f64>) -> (Interval, Interval) {
-    let [x, z] = [direction.x, direction.y].map(Interval::point);
+/// What a vector is along a direction of unit length, and across it.
+pub(super) fn seen(v: &Vector2<Interval>, direction: &Vector2<f64>) -> (Interval, Interval) {
+    // Of unit length but for rounding.
+    const LENGTH: f64 = 8.0 * f64::EPSILON;
+    let unit = Interval::around(1.0, LENGTH);
+    let [x, z] = [direction.x, direction.y].map(|c| Interval::point(c) * unit);
     (v.x * x + v.y * z, v.y * x - v.x * z)
 }
 
@@ -109,44 +132,82 @@ impl Curves {
         Self { models }
     }
 
-    /// One cable over a range of its coordinate, in parts where the whole is not known well.
-    pub(super) fn reach(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Reach> {
-        let whole = self.reach_at_once(i, sight, chart);
-        if whole.as_ref().is_some_and(|reach| is_known(chart, &reach.bend_n, &reach.by_chart_n)) {
-            return whole;
-        }
-        let mut all: Option<Reach> = None;
-        for part in parts(chart) {
-            let reach = self.reach_at_once(i, sight, part)?;
-            all = Some(match all {
-                None => reach,
-                Some(all) => all.hull(&reach),
-            });
-        }
-        all
-    }
-
-    /// The slant of a cable over a range of its coordinate.
-    pub(super) fn slant(
+    /// One cable over a range of its coordinate, seen along a direction: in parts where the whole is not known well.
+    /// `None` where it may turn back.
+    pub(super) fn course(
         &self,
         i: usize,
         sight: &Sight,
         chart: Interval,
         direction: &Vector2<f64>,
-    ) -> Option<Interval> {
-        let mut all: Option<Interval> = None;
+    ) -> Option<(Reach, Heading)> {
+        let at_once = |chart| {
+            let reach = self.reach(i, sight, chart)?;
+            let heading = Heading::of(&reach, chart, direction)?;
+            Some((reach, heading))
+        };
+        if let Some((reach, heading)) = at_once(chart)
+            && is_known(chart, &reach.bend_n, &reach.by_chart_n)
+            && heading.bend.radius() * chart.radius() <= STRAIGHT
+        {
+            return Some((reach, heading));
+        }
+        let mut all: Option<(Reach, Heading)> = None;
         for part in parts(chart) {
-            let (reach, middle_n) = self.reach_about(i, sight, part)?;
-            let heading = Heading::new(&reach, direction)?;
-            let (rate_n, aside_n) = seen(&middle_n, direction);
-            // By the mean value theorem: all along the curve its parts change together.
-            let (along, aside) = seen(&reach.bend_n, direction);
-            let by_chart = (aside - heading.slant * along) / heading.rate_n;
-            let near = aside_n / rate_n + by_chart * Interval::symmetric(part.radius());
-            let slant = heading.slant.intersection(near)?;
-            all = Some(all.map_or(slant, |all| all.hull(slant)));
+            let (reach, heading) = at_once(part)?;
+            all = Some(match all {
+                None => (reach, heading),
+                Some(all) => (all.0.hull(&reach), all.1.hull(&heading)),
+            });
         }
         all
+    }
+
+    /// How a tangent, seen along its heading, changes with the end of the cable in `x` and in `z`, per metre.
+    pub(super) fn turn(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+        heading: &Heading,
+    ) -> Option<[Vector2<Interval>; 2]> {
+        let at = self.hung_at(i, sight, chart)?;
+        let (along_m, _) = seen(&-at.hung.heading_m, &heading.direction);
+        let turned = self.tangent_by_end(i, sight, &at)?.map(|by_end| {
+            let (along, across) = seen(&by_end, &heading.direction);
+            (across - heading.slant * along) / along_m
+        });
+        let is_known = along_m.low() > 0.0 && turned.iter().all(|c| c.is_bounded());
+        is_known.then(|| turned.map(|c| heading.across(c)))
+    }
+
+    /// A curve, where root, strain and the end in `x` and in `z` change at such rates.
+    fn moving(
+        &self,
+        i: usize,
+        sight: &Sight,
+        at: &At,
+        [root_by, strain_by, x_by, z_by]: [Interval; 4],
+    ) -> Hung<Dual> {
+        let dual = |value, rate| Dual { value, rate };
+        let model = IrvineCatenary {
+            weight_n_m: Dual::fixed(self.models[i].weight_n_m),
+            compliance_per_n: Dual::fixed(self.models[i].compliance_per_n),
+        };
+        model.hung(
+            dual(sight.x_m, x_by),
+            dual(sight.z_m, z_by),
+            &model.slackness(dual(at.root, root_by)),
+            dual(at.strain, strain_by),
+        )
+    }
+
+    /// How tangents change with the end of the cable in `x` and in `z`.
+    fn tangent_by_end(&self, i: usize, sight: &Sight, at: &At) -> Option<[Vector2<Interval>; 2]> {
+        let (zero, one, by_end) = (Interval::zero(), Interval::one(), at.hung.strain_by_end_per_m);
+        let moved = |rates| self.moving(i, sight, at, rates).heading_m.map(|c| -c.rate);
+        let all = [moved([zero, by_end.x, one, zero]), moved([zero, by_end.y, zero, one])];
+        all.iter().all(|v| size(v).is_bounded()).then_some(all)
     }
 
     /// A coordinate that is past all at which the force has changed by so much along a direction, from a coordinate on.
@@ -178,79 +239,81 @@ impl Curves {
         None
     }
 
-    /// One cable over a range of its coordinate, with the second derivative.
-    pub(super) fn reach_at_once(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Reach> {
-        Some(self.reach_about(i, sight, chart)?.0)
+    /// One cable over a range of its coordinate.
+    pub(super) fn reach(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Reach> {
+        self.reach_at(i, sight, chart, &self.hung_at(i, sight, chart)?)
     }
 
-    /// And the first derivative in the middle of the range.
-    fn reach_about(
+    /// And how its tangents change with the end of the cable in `x` and in `z`.
+    pub(super) fn turning_reach(
         &self,
         i: usize,
         sight: &Sight,
         chart: Interval,
-    ) -> Option<(Reach, Vector2<Interval>)> {
-        let (root, strain, hung) = self.hung_at(i, sight, chart)?;
-        let (_, slope) = chart_of_root(root);
-        let by_chart = Interval::one() / slope;
-        let model = IrvineCatenary {
-            weight_n_m: Dual::fixed(self.models[i].weight_n_m),
-            compliance_per_n: Dual::fixed(self.models[i].compliance_per_n),
-        };
-        let moving = model.hung(
-            Dual::fixed(sight.x_m),
-            Dual::fixed(sight.z_m),
-            &model.slackness(Dual { value: root, rate: by_chart }),
-            Dual { value: strain, rate: hung.strain_by_chart },
-        );
+    ) -> Option<(Reach, [Vector2<Interval>; 2])> {
+        let at = self.hung_at(i, sight, chart)?;
+        Some((self.reach_at(i, sight, chart, &at)?, self.tangent_by_end(i, sight, &at)?))
+    }
+
+    fn reach_at(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<Reach> {
+        let hung = &at.hung;
+        let (_, slope) = chart_of_root(at.root);
+        let (zero, by_chart) = (Interval::zero(), Interval::one() / slope);
+        let moving = self.moving(i, sight, at, [by_chart, hung.strain_by_chart, zero, zero]);
         let bend_n = moving.force_by_chart_n.map(|c| c.rate);
-        let turn_n = [moving.force_by_x_n_m, moving.force_by_z_n_m].map(|v| v.map(|c| c.rate));
+        let tangent_bend_m = moving.heading_m.map(|c| -c.rate);
         // By the mean value, where that is better.
         let half = Interval::symmetric(chart.radius());
-        let (_, _, middle) = self.hung_at(i, sight, Interval::point(chart.middle()))?;
+        let middle = self.hung_at(i, sight, Interval::point(chart.middle()))?.hung;
         let near = middle.force_by_chart_n + bend_n * half;
         let by_chart_n = both(&hung.force_by_chart_n, &near)?;
         let near = middle.force_n + by_chart_n * half;
         let force_n = both(&hung.force_n, &near)?;
+        let middle_m = -middle.heading_m;
+        let tangent_m = both(&-hung.heading_m, &(middle_m + tangent_bend_m * half))?;
         let by_end_n = [hung.force_by_x_n_m, hung.force_by_z_n_m];
-        let known = [hung.force_n, hung.force_by_chart_n, bend_n];
-        let mut known = known.iter().chain(&by_end_n).chain(&turn_n);
-        let is_known = known.all(|v| size(v).is_bounded());
-        let reach = Reach { force_n, by_chart_n, bend_n, by_end_n, turn_n };
-        is_known.then_some((reach, middle.force_by_chart_n))
+        let known = [force_n, by_chart_n, bend_n, tangent_m, tangent_bend_m];
+        let is_known = known.iter().chain(&by_end_n).all(|v| size(v).is_bounded());
+        is_known.then_some(Reach {
+            force_n,
+            by_chart_n,
+            bend_n,
+            by_end_n,
+            tangent_m,
+            tangent_bend_m,
+            middle_m,
+        })
     }
 
-    /// Only the first derivative, of which the second is known already.
+    /// Only first derivative and tangents at other poses of those over which it is known how these change with the
+    /// coordinate.
     pub(super) fn slope(
         &self,
         i: usize,
         sight: &Sight,
         chart: Interval,
-        bend_n: &Vector2<Interval>,
-    ) -> Option<Vector2<Interval>> {
-        let middle = self.hung(i, sight, Interval::point(chart.middle()))?.force_by_chart_n;
-        let near = middle + bend_n * Interval::symmetric(chart.radius());
-        if is_known(chart, bend_n, &middle) {
-            return Some(near);
+        reach: &Reach,
+    ) -> Option<[Vector2<Interval>; 2]> {
+        let half = Interval::symmetric(chart.radius());
+        let middle = self.hung(i, sight, Interval::point(chart.middle()))?;
+        let near_n = middle.force_by_chart_n + reach.bend_n * half;
+        let near_m = reach.tangent_bend_m * half - middle.heading_m;
+        if is_known(chart, &reach.bend_n, &middle.force_by_chart_n) {
+            return Some([near_n, near_m]);
         }
-        both(&self.hung(i, sight, chart)?.force_by_chart_n, &near)
+        let all = self.hung(i, sight, chart)?;
+        Some([both(&all.force_by_chart_n, &near_n)?, both(&-all.heading_m, &near_m)?])
     }
 
     /// The curve over a range of its coordinate.
     pub(super) fn hung(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Hung<Interval>> {
-        let (_, _, hung) = self.hung_at(i, sight, chart)?;
+        let hung = self.hung_at(i, sight, chart)?.hung;
         let by_end = size(&hung.force_by_x_n_m) + size(&hung.force_by_z_n_m);
-        let known = size(&hung.force_n) + size(&hung.force_by_chart_n) + by_end;
-        known.is_bounded().then_some(hung)
+        let along = size(&hung.force_by_chart_n) + size(&hung.heading_m);
+        (size(&hung.force_n) + along + by_end).is_bounded().then_some(hung)
     }
 
-    /// Root, strain, and the rest.
-    fn hung_at(
-        &self,
-        i: usize,
-        sight: &Sight,
-        chart: Interval,
-    ) -> Option<(Interval, Interval, Hung<Interval>)> {
+    fn hung_at(&self, i: usize, sight: &Sight, chart: Interval) -> Option<At> {
         let root = root_of(chart)?;
         let (model, x_m, z_m) = (&self.models[i], sight.x_m, sight.z_m);
         let slackness = model.slackness(root);
@@ -260,8 +323,15 @@ impl Curves {
         for _ in 0..STRAIN_STEPS {
             strain = next(strain).intersection(strain)?;
         }
-        Some((root, strain, model.hung(x_m, z_m, &slackness, strain)))
+        Some(At { root, strain, hung: model.hung(x_m, z_m, &slackness, strain) })
     }
+}
+
+/// A curve over a range of its coordinate, by root and strain.
+struct At {
+    root: Interval,
+    strain: Interval,
+    hung: Hung<Interval>,
 }
 
 /// How long a range is at a coordinate over which the root changes by this part.
@@ -311,4 +381,108 @@ pub(super) fn both(a: &Vector2<Interval>, b: &Vector2<Interval>) -> Option<Vecto
 pub(super) fn size(v: &Vector2<Interval>) -> Interval {
     let abs = |i: Interval| Interval::new(i.mignitude(), i.magnitude());
     abs(v.x) + abs(v.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt as _, SeedableRng as _};
+
+    use super::super::place::{Point, PoseBox};
+    use super::super::proof::Prover;
+    use super::*;
+    use crate::robot_file::RobotDescription;
+
+    /// Whatever a cable is at a pose of a box and a coordinate of a range is in what is said of both, and how tightly a
+    /// taut cable is known to go straight on does not depend on how large they are.
+    #[test]
+    fn courses_hold_every_cable() {
+        let description = RobotDescription::marionet_crane();
+        let request = crate::enumerate::Request {
+            robot: description.clone(),
+            position_m: [2.0, 7.0, 2.5],
+            rotation_vector_rad: [0.0; 3],
+            model: crate::enumerate::ModelKind::Irvine,
+        };
+        let robot = request.problem::<Model>().expect("a problem").robot;
+        let prover = Prover::new(&robot, &description.load);
+        let curves = &prover.curves;
+        let (mut all, mut straight) = (0, 0);
+        for seed in 0..300 {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let low: Point = [
+                random.random_range(0.0..4.0),
+                random.random_range(4.0..12.0),
+                random.random_range(1.0..4.0),
+                random.random_range(-0.1..0.1),
+                random.random_range(-0.1..0.1),
+                random.random_range(-0.1..0.1),
+            ];
+            let high = low.map(|low| low + random.random_range(0.0..0.1));
+            let (poses, cable) = (PoseBox { low, high }, random.random_range(0..CABLES));
+            let from: f64 = random.random_range(-8.0..8.0);
+            let from = from * from.abs();
+            let chart =
+                Interval::new(from, from + random.random_range(0.0..0.5) * (1.0 + from.abs()));
+            let (sights, _) = prover.likeness.look(&poses).expect("no cable is vertical");
+            let plane = |at: &Point| prover.balance(at).expect("a balance").planes()[cable];
+            let hung = |at: &Point, chart: f64| {
+                let (plane, model) = (plane(at), &robot.cables()[cable].model);
+                model.hang(plane.x_m, plane.z_m, chart)
+            };
+            let direction = hung(&poses.middle(), chart.middle()).force_by_chart_n.normalize();
+            let across = Vector2::new(-direction.y, direction.x);
+            let Some((reach, heading)) = curves.course(cable, &sights[cable], chart, &direction)
+            else {
+                continue;
+            };
+            let turn = curves.turn(cable, &sights[cable], chart, &heading).expect("known");
+            all += 1;
+            let pose =
+                |random: &mut ChaCha8Rng| poses.at(&std::array::from_fn(|_| random.random()));
+            for _ in 0..20 {
+                let (at, other) = (pose(&mut random), pose(&mut random));
+                let [p, u] = [0, 1].map(|_| random.random_range(chart.low()..=chart.high()));
+                let here = hung(&at, p);
+                let near = |of: Interval, value: f64, size: f64| {
+                    (Interval::symmetric(1e-9 * size) + of).contains(value)
+                };
+                let slant = |at: &Point, chart: f64| {
+                    let tangent_n = hung(at, chart).force_by_chart_n;
+                    across.dot(&tangent_n) / direction.dot(&tangent_n)
+                };
+                for k in 0..2 {
+                    assert!(near(reach.force_n[k], here.state.force_n[k], 1e3), "{seed}");
+                    assert!(near(reach.by_chart_n[k], here.force_by_chart_n[k], 1e3), "{seed}");
+                }
+                assert!(near(heading.slant, slant(&at, p), 1.0), "{seed}");
+                // How it turns, as the mean of a way.
+                let turned = slant(&at, u) - slant(&at, p);
+                let bound = heading.bend * Interval::point(u - p);
+                assert!(near(bound, turned, 1.0), "{seed}: {turned} {bound:?}");
+                let moved = slant(&other, p) - slant(&at, p);
+                let [a, b] = [plane(&other), plane(&at)];
+                let bound = [a.x_m - b.x_m, a.z_m - b.z_m]
+                    .iter()
+                    .zip(&turn)
+                    .fold(Interval::zero(), |sum, (far, turn)| {
+                        sum + seen(turn, &direction).1 * Interval::point(*far)
+                    });
+                assert!(near(bound, moved, 1.0), "{seed}: {moved} {bound:?}");
+                // What a tangent misses across.
+                let missed_n = hung(&at, u).state.force_n - here.state.force_n;
+                let missed_n = across.dot(&missed_n) - slant(&at, p) * direction.dot(&missed_n);
+                let half_square = Interval::point(0.5 * (u - p) * (u - p));
+                let bound = heading.rate_n * heading.bend * half_square;
+                assert!(near(bound, missed_n, 1e3), "{seed}: {missed_n} {bound:?}");
+            }
+            if chart.high() < -25.0 {
+                // The mean tension rises by hundreds of newtons, and the direction by a part of that.
+                straight += 1;
+                let turns = heading.bend.magnitude() * (chart.high() - chart.low());
+                assert!(turns < 5e-3, "{seed}: {turns} over {chart:?}");
+            }
+        }
+        assert!(all > 200 && straight > 20, "{all} {straight}");
+    }
 }

@@ -104,7 +104,7 @@ impl<'a> Equations<'a> {
     fn slope(&self, piece: &Piece) -> Interval {
         let Arithmetic { unit, tangent_units, .. } = &self.arithmetic;
         let cable = self.cable();
-        let own = unit * piece.slope_n;
+        let own = unit * piece.slope_m;
         let rough = self.open(piece.slope[cable], own, |i| piece.slope[i].magnitude());
         if rough.mignitude() > 0.0 {
             return rough;
@@ -142,6 +142,11 @@ impl<'a> Equations<'a> {
             first = first.checked_sub(1)?;
         }
         Some(first..last + 1)
+    }
+
+    /// Whether it rises on all of these pieces.
+    pub(super) fn rise_on(&self, pieces: &Range<usize>) -> bool {
+        self.course.pieces[pieces.clone()].iter().all(|piece| self.slope(piece).low() > 0.0)
     }
 
     /// Whether the search goes to these pieces from anywhere else in the bracket. Beyond them the sign stays where it

@@ -325,6 +325,14 @@ impl Sight {
         stack(&push, &self.arm.cross(&push))
     }
 
+    /// What a force of 1 N at the attachment, in any direction, makes of a row at most.
+    pub(super) fn per_newton(&self, row: &Vector6<f64>) -> f64 {
+        // row . (f, arm x f) = (row_f + row_m x arm) . f
+        let [force, moment] = [0, 3].map(|k| Vector3i::from_fn(|j, _| Interval::point(row[k + j])));
+        let most = (force + moment.cross(&self.arm)).map(Interval::magnitude);
+        most.norm() * (1.0 + 8.0 * f64::EPSILON)
+    }
+
     /// Adds to `sums` how the wrench of a cable at fixed coordinate changes with each coordinate of the pose.
     pub(super) fn add_by_pose(&self, sums: &mut ByPose, hung: &Hung<Interval>, along: Along) {
         let by_end = [hung.force_by_x_n_m, hung.force_by_z_n_m];

@@ -19,12 +19,17 @@
 //!
 //! # One step
 //!
-//! With `y_i = r_i (p'_i - pc_i)`, `K = A M - 1` (columns other than `e`) and what the tangents at `p` miss at `pc`,
-//! `R = sum G_i (F_i(pc) - F_i(p) - F_i'(p)(pc - p))`,
+//! Along a curve that goes straight on the force gets where the other cables want it, however its coordinate does. So
+//! what a tangent at `p` misses of the curve at some `u` is told apart: `F_i(u) - F_i(p) = s F_i'(p) + b n_i`. A force by
+//! a step `s` along the tangent is as good as that by `u - p`, which it differs from as Newton's method in one unknown
+//! does from its root, by `a = p + s - u`; and `b`, across it, is how much the curve turns, times how far it goes.
+//!
+//! With `y_i = r_i (p'_i - p_i - s_i)`, where `u` is `pc`, `K = A M - 1` (columns other than `e`) and `R = sum G_i b_i n_i`,
 //!
 //! ```text
 //! y_i + (K y)_i = (A R)_i - (A (S(P, pc) + G_e F_e(q)))_i     i not e
 //!         (K y)_e = (A R)_e - (A (S(P, pc) + G_e F_e(q)))_e     q = p'_e
+//!            p'_i = pc_i + a_i + y_i/r_i                         i not e
 //! ```
 //!
 //! `S(P, pc)` is enclosed by the mean value theorem over the pose. The curve of `e` is walked in short pieces; the
@@ -44,17 +49,22 @@
 //!
 //! # Newton's method
 //!
-//! The error `e_i = r_i (p'_i - p*_i)` after a step from `p` obeys
+//! After a step from `p` the coordinates obey, with `u = p*`, the solution, and `e_i = r_i (p'_i - p_i - s_i)`,
 //!
 //! ```text
-//! sum_(i not e) M_i(P, p_i) e_i + G_e (F_e(q) - F_e(q*)) = sum_(i not e) G_i (F_i(p*_i) - F_i(p_i) - F_i'(p_i) (p*_i - p_i))
+//! sum_(i not e) M_i(P, p_i) e_i + G_e (F_e(q) - F_e(q*)) = sum_(i not e) G_i b_i n_i,      p'_i - p*_i = a_i + e_i/r_i
 //! ```
 //!
 //! The difference on the left is an integral of `F_e'` over pieces on which row `e` of `A G_e F_e'` is positive, so
-//! that each of its other rows is at most so many times that one: no curvature of the eliminated cable enters. Each
-//! bracket on the right is enclosed twice: as it stands, and as `F_i'' (p*_i - p_i)^2/2` with `F_i''` over all that
+//! that each of its other rows is at most so many times that one: no curvature of the eliminated cable enters, but how
+//! the directions of its tangents differ from `q*` to `q`. These are not far from each other. If the right side grew from
+//! nothing to what it is, `q` would go from `q*` to where it is, on pieces on which row `e` rises; while it is on pieces
+//! near `q*` the bound is that of these; and if by that it does not come to their ends, it never leaves them.
+//!
+//! `a` and `b` are enclosed twice: as they stand, and by `F_i''` and by how the direction of `F_i'` turns over all that
 //! lies between iterate and solution. Beginning with the seed this gives a box for each iterate, to which is added what
-//! arithmetic in f32 may do (as what it changes in the equations).
+//! arithmetic in f32 may do (as what it changes in the equations): forces are off as vectors at the attachments, which
+//! the rows of `A` weigh far less than the components of a wrench; these are for sums and eliminations.
 //!
 //! # Poses
 //!
@@ -69,22 +79,25 @@
 //! the solution, towards that end, must have the sign of its side or fall. The poses that are too close to the fold, or
 //! beyond it, are cut off by a plane: over a [`Patch`] the sums are bounded with what the plane tells.
 
+mod newton;
+
 use std::ops::Range;
 
 use cdpr_core::chart::{ChartStep, Start};
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{COORDINATES, Gap, TOLERANCE};
 use cdpr_core::{CABLES, Load, Robot};
-use nalgebra::{Vector2, Vector6};
+use nalgebra::{Matrix6, Vector2, Vector6};
 use num_traits::{One, Zero};
 
 use super::Model;
-use super::curve::{Curves, Heading, Reach, both, size};
-use super::equations::{Arithmetic, Columns, Equations, fed_back};
+use super::curve::{Curves, Heading, Reach, size};
+use super::equations::{Arithmetic, Columns, Equations};
 use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
-use super::sums::{Course, Inverse, Piece, Sums, UPWARDS, View};
+use super::sums::{Course, Inverse, Sums, UPWARDS, View};
 use crate::interval::Interval;
+use newton::{Errors, F32, F32_ELIMINATED, Missed};
 
 /// Newton steps at the middle of a box, to find the solution there.
 const SETTLING_STEPS: usize = 30;
@@ -94,14 +107,6 @@ const SETTLED: f64 = 1e-11;
 const ROOM: f64 = 1.1;
 const ROOM_ATTEMPTS: usize = 5;
 const LEAST_RADIUS: f64 = 1e-9;
-/// The arithmetic of a controller in f32: a component of the wrench of a cable is off by at most this many
-/// units of the force (15 operations of the explicit curve, whose factors are of one sign, rounded half a
-/// unit each, as are direction, lever arm, products and the sum of seven).
-const F32_ROUNDINGS: f64 = 12.0;
-/// And the plane of a cable by this many units of the coordinates that it is made of.
-const F32_PLANE: f64 = 2.0;
-/// Unit in the last place of 1.
-const F32: f64 = f32::EPSILON as f64;
 
 /// Proves cells of one robot with one load.
 pub(super) struct Prover {
@@ -273,8 +278,9 @@ struct Frame<'a> {
     center: [f64; CABLES],
     /// What the cables see of its middle.
     sights: Vec<Sight>,
-    /// `A`.
+    /// `A`, and what a newton at each attachment, in any direction, makes in each row at most.
     inverse: Inverse,
+    per_force: Matrix6<f64>,
     /// The curve of the eliminated cable.
     course: Course,
     /// How the sum changes with the pose there.
@@ -286,6 +292,7 @@ struct Frame<'a> {
 /// The curves of five cables over a box of coordinates.
 struct Tangents<'a> {
     reach: Vec<Option<Reach>>,
+    headings: Vec<Option<Heading>>,
     /// How fast their forces change along their directions, N.
     rates_n: [Interval; CABLES],
     columns: Columns<'a>,
@@ -319,8 +326,12 @@ impl<'a> Frame<'a> {
         let sums = Sums::new(view, center, &inverse)?;
         let (course, by_pose) = sums.course(at_center, balance, center[cable])?;
         let sights = sums.sights;
+        let per_force = Matrix6::from_fn(|row, i| {
+            view.sights[i].per_newton(&inverse.matrix.row(row).transpose())
+        });
         Some(Self {
             view,
+            per_force,
             center: *center,
             sights,
             inverse,
@@ -341,88 +352,37 @@ impl<'a> Frame<'a> {
         (0..CABLES).filter(move |i| *i != cable)
     }
 
-    /// What the tangents at `from`, taken at `at`, miss of the curves at `to`; through `A`.
-    fn missed(
-        &self,
-        from: &[Option<Reach>],
-        at: &[Interval; CABLES],
-        to: &[Interval; CABLES],
-        errors: &[Interval; CABLES],
-    ) -> Option<Vector6<Interval>> {
-        let (curves, sights) = (&self.view.prover.curves, &self.view.sights);
-        let mut left_n = Vector6::zeros();
-        for i in self.others() {
-            let sight = &sights[i];
-            let error = errors[i];
-            let here = from[i].as_ref()?;
-            let there = curves.hung(i, sight, to[i])?;
-            let between = curves.reach(i, sight, at[i].hull(to[i]))?;
-            let plain = there.force_n - here.force_n + here.by_chart_n * error;
-            let bent = between.bend_n * (error.square() * Interval::point(0.5));
-            left_n += sight.wrench_n(&both(&plain, &bent)?);
-        }
-        Some(self.inverse.times(&left_n))
-    }
-
-    /// What the wrench of a cable is off by in f32, in units of its force: its curve, and its plane.
-    fn roundings(&self, cable: usize) -> f64 {
-        let View { prover, sights, .. } = self.view;
-        let x_m = sights[cable].x_m;
-        F32_ROUNDINGS + F32_PLANE * (prover.size_m + x_m.high()) * 2.0 / x_m.low()
-    }
-
-    /// What arithmetic in f32 may add in a step from there with these errors, and the end of the search.
-    fn rounding(
-        &self,
-        from: &[Option<Reach>],
-        eliminated: &[Piece],
-        errors: &[Interval; CABLES],
-    ) -> Vector6<f64> {
-        let most = |size: fn(&Piece) -> f64| eliminated.iter().map(size).fold(0.0, f64::max);
-        let mut wrench_n = most(|piece| piece.left_n) / F32;
-        for i in 0..CABLES {
-            let force_n = match &from[i] {
-                // The step is about as long as the error, and its matrix is rounded, too.
-                Some(at) => {
-                    let step_n = size(&at.by_chart_n).high() * errors[i].magnitude() * 4.0;
-                    size(&at.force_n).high() + step_n
-                }
-                // What its last step along the curve leaves out is of the size of a rounding.
-                None => 2.0 * most(|piece| piece.force_n),
-            };
-            wrench_n += self.roundings(i) * force_n;
-        }
-        self.inverse.per_newton * (F32 * wrench_n)
-    }
-
     /// The curves of five cables at `at`, and their tangents.
     fn tangents(&self, at: &[Interval; CABLES]) -> Option<Tangents<'_>> {
         let View { prover, patch, sights, along, seed, .. } = self.view;
         let mut reach = Vec::with_capacity(CABLES);
+        let mut headings = Vec::with_capacity(CABLES);
         let mut columns = Columns::new(&self.inverse, seed.eliminated, *along);
         let mut rates_n = [Interval::one(); CABLES];
         for i in 0..CABLES {
             if i == seed.eliminated {
                 reach.push(None);
+                headings.push(None);
                 continue;
             }
-            let all = prover.curves.reach(i, &sights[i], at[i])?;
-            let heading = Heading::new(&all, &self.directions[i])?;
-            let slant = prover.curves.slant(i, &self.sights[i], at[i], &self.directions[i])?;
-            let tangent = heading.vector(slant);
+            let direction = &self.directions[i];
+            let (all, heading) = prover.curves.course(i, &sights[i], at[i], direction)?;
+            let (_, at_middle) = prover.curves.course(i, &self.sights[i], at[i], direction)?;
+            let tangent = heading.vector(at_middle.slant);
             columns.set(i, &self.sights[i].wrench_n(&tangent));
             let mut turning = [Vector6::zeros(); COORDINATES];
             sights[i].add_moved(
                 &mut turning,
                 &heading.vector(heading.slant),
-                &heading.turn,
+                &prover.curves.turn(i, &sights[i], at[i], &heading)?,
                 *along,
             );
             columns.turn(i, &turning, patch);
             rates_n[i] = heading.rate_n;
             reach.push(Some(all));
+            headings.push(Some(heading));
         }
-        Some(Tangents { reach, rates_n, columns })
+        Some(Tangents { reach, headings, rates_n, columns })
     }
 
     /// What a step obeys with these tangents, right sides and roundings.
@@ -436,33 +396,37 @@ impl<'a> Frame<'a> {
         Equations::new(columns, &self.course, fold_at_slack_end, apart, arithmetic)
     }
 
-    /// The step from anywhere in `at`; `None` where it may not lead to one place.
-    fn stage(&self, at: &[Interval; CABLES]) -> Option<Stage<'_>> {
+    /// The step from anywhere in `at`; `None` where it may not lead to one place, or not to the solutions as the right side
+    /// vanishes.
+    fn stage(&self, at: &[Interval; CABLES], solutions: &Solutions) -> Option<Stage<'_>> {
         let cable = self.view.seed.eliminated;
         let tangents = self.tangents(at)?;
-        let Tangents { reach, rates_n, columns } = &tangents;
+        let Tangents { reach, rates_n, columns, .. } = &tangents;
         let center = self.center.map(Interval::point);
         let errors = std::array::from_fn(|i| at[i] - center[i]);
-        let missed = self.missed(reach, at, &center, &errors)?;
+        let Missed { aside: missed, along } = self.missed(&tangents, at, &center, &errors)?;
         let rounding = self.rounding(reach, self.course.at_center(), &errors);
         let apart = missed.map(Interval::magnitude) + rounding;
-        let per_newton = self.inverse.per_newton[cable];
-        let unit = |i: usize| per_newton * F32 * self.roundings(i);
+        let (per_newton, per_force) = (self.inverse.per_newton[cable], self.per_force.row(cable));
+        let eliminated = F32 * F32_ELIMINATED * per_newton * UPWARDS;
+        let unit = |i: usize| F32 * self.force_roundings(i) * per_force[i] * UPWARDS + eliminated;
         // What is rounded in the tangents of the others.
         let tangent_units = Vector6::from_fn(|i, _| {
             let slope_n = reach[i].as_ref().map_or(0.0, |at| size(&at.by_chart_n).high());
             unit(i) * slope_n / rates_n[i].low()
         });
-        let arithmetic = Arithmetic { unit: unit(cable), tangent_units, per_newton };
+        let arithmetic =
+            Arithmetic { unit: unit(cable), tangent_units, per_newton: per_force[cable] };
         let equations = self.equations(columns, apart, arithmetic);
         let pieces = equations.pieces()?;
         equations.leads_to(&pieces).then_some(())?;
+        equations.rise_on(&solutions.pieces).then_some(())?;
         let moved = equations.moved(&pieces, &missed, &rounding)?;
         let to = std::array::from_fn(|i| {
             if i == cable {
                 return Interval::zero();
             }
-            center[i] + moved[i] / rates_n[i]
+            center[i] + along[i] + moved[i] / rates_n[i]
         });
         Some(Stage { tangents, pieces, to })
     }
@@ -487,46 +451,6 @@ impl<'a> Frame<'a> {
         }
         charts[seed.eliminated] = Interval::zero();
         Some(Solutions { charts, pieces })
-    }
-
-    /// The errors after a step, from what the tangents miss; and that of the eliminated force, N.
-    fn errors(
-        &self,
-        columns: &Columns,
-        pieces: Range<usize>,
-        missed: &Vector6<Interval>,
-        rounding: &Vector6<f64>,
-    ) -> Option<(Vector6<f64>, f64)> {
-        let pieces = &self.course.pieces[pieces];
-        let cable = self.view.seed.eliminated;
-        let rise = |piece: &Piece| piece.slope[cable].low();
-        if !pieces.iter().all(|piece| rise(piece) > 0.0) {
-            return None;
-        }
-        let most = |size: &dyn Fn(&Piece) -> f64| {
-            let ratios = pieces.iter().map(|piece| size(piece) / rise(piece));
-            ratios.fold(0.0, f64::max) * UPWARDS
-        };
-        let ratio = pieces[pieces.len() / 2].ratio;
-        let pull = Vector6::from_fn(|i, _| {
-            let factor = Interval::point(ratio[i]);
-            let off = |p: &Piece| (p.slope[i] - factor * p.slope[cable]).magnitude();
-            if i == cable { 0.0 } else { most(&off) }
-        });
-        let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
-        let mut fed = columns.defect(&ratio) + pull * row;
-        fed.fill_row(cable, 0.0);
-        let alone = missed[cable].magnitude() + rounding[cable];
-        let right = Vector6::from_fn(|i, _| {
-            if i == cable {
-                return 0.0;
-            }
-            let swept = missed[i] - Interval::point(ratio[i]) * missed[cable];
-            swept.magnitude() + rounding[i] + ratio[i].abs() * rounding[cable] + pull[i] * alone
-        });
-        let errors = fed_back(&fed, &right)?;
-        let along = (alone + row.transpose().dot(&errors)) * UPWARDS;
-        Some((errors, along * most(&|piece| piece.slope_n)))
     }
 
     /// The solutions of the patch.
@@ -559,22 +483,23 @@ impl<'a> Frame<'a> {
         let mut errors: [Interval; CABLES] =
             std::array::from_fn(|i| iterate[i] - solutions.charts[i]);
         for done in 1..=*steps {
-            let stage = self.stage(&iterate).ok_or(Gap::TooManySteps)?;
-            let missed = self
-                .missed(&stage.tangents.reach, &iterate, &solutions.charts, &errors)
+            let stage = self.stage(&iterate, &solutions).ok_or(Gap::TooManySteps)?;
+            let Missed { aside: missed, along } = self
+                .missed(&stage.tangents, &iterate, &solutions.charts, &errors)
                 .ok_or(Gap::TooManySteps)?;
             let (a, b) = (&stage.pieces, &solutions.pieces);
             let pieces = a.start.min(b.start)..a.end.max(b.end);
             let rounding =
                 self.rounding(&stage.tangents.reach, &self.course.pieces[pieces.clone()], &errors);
-            let after = self.errors(&stage.tangents.columns, pieces, &missed, &rounding);
-            let (after_n, eliminated_n) = after.ok_or(Gap::TooManySteps)?;
+            let after =
+                self.errors(&stage.tangents.columns, pieces, &missed, &rounding, TOLERANCE * sum_n);
+            let Errors { others_n: after_n, eliminated_n } = after.ok_or(Gap::TooManySteps)?;
             let rate = |i: usize| stage.tangents.rates_n[i].low();
             iterate = std::array::from_fn(|i| {
                 if i == seed.eliminated {
                     return Interval::zero();
                 }
-                errors[i] = Interval::symmetric(after_n[i] / rate(i) * UPWARDS);
+                errors[i] = along[i] + Interval::symmetric(after_n[i] / rate(i) * UPWARDS);
                 let near = solutions.charts[i] + errors[i];
                 near.intersection(stage.to[i]).unwrap_or(near)
             });

@@ -14,18 +14,17 @@ use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
 use crate::interval::Interval;
 
-/// Pieces of the curve of the eliminated cable: length of the first from the solution, in units of how well that is
-/// known; how they grow; and how far the root of the coordinate changes over one at most. Far from the solution pieces
-/// are enclosed as they stand, so they are shorter.
+/// Fine pieces of the curve of the eliminated cable: length of the first from the solution, in units of how well that is
+/// known; how they grow; and how far the root of the coordinate changes over one at most.
 const FINEST: f64 = 0.5;
 const GROWTH: f64 = 1.6;
-const BEND: f64 = 0.08;
-const ROUGH_BEND: f64 = 0.02;
-/// A number is well known when its least size exceeds its radius by this factor.
-const TOLD: f64 = 1.0;
+const FINE_BEND: f64 = 0.055;
+/// Rough pieces are enclosed as they stand. They are so long if a number is so well known by which their sign is told: its
+/// least size exceeds its radius by this factor.
+const ROUGH_BENDS: [(f64, f64); 3] = [(0.24, 4.0), (0.08, 1.0), (0.02, 0.0)];
 /// Rounding of a force in the arithmetic of a controller in f32, as a part of it, about: it only says how far fine pieces
 /// go, and the proof bounds it by itself.
-const ARITHMETIC: f64 = 24.0 * f32::EPSILON as f64;
+const ARITHMETIC: f64 = 12.0 * f32::EPSILON as f64;
 /// Fine pieces on one side of the solution at most.
 const MOST_FINE: usize = 128;
 /// For the rounding of sums of non-negative bounds.
@@ -58,13 +57,16 @@ impl<'a> View<'a> {
 
 /// A piece of the curve of the eliminated cable, for all poses of a patch.
 pub(super) struct Piece {
+    chart: Interval,
     /// `A (S(P, pc) + G F(q))`.
     pub(super) sum: Vector6<Interval>,
-    /// `A G F'(q)`.
+    /// `A G F'(q)`, by the force density of the cable, m.
     pub(super) slope: Vector6<Interval>,
-    /// `|F|` and `|F'|` at most, N.
+    /// `|F|` at most, N, and `|F'|`, m.
     pub(super) force_n: f64,
-    pub(super) slope_n: f64,
+    pub(super) slope_m: f64,
+    /// What row `e` of the sum rises by from one end to the other at least, N.
+    pub(super) rise_n: f64,
     /// What the search for a crossing may leave out at its end, N.
     pub(super) left_n: f64,
     /// Row `e` times these factors is taken from each other row, so that the slope is about zero there.
@@ -198,14 +200,15 @@ impl<'a> Sums<'a> {
         let mut pieces = Vec::new();
         while low < end {
             let until = |bend: f64| (low + stretch(low, bend)).min(end);
-            let mut high = until(BEND);
-            let long = self.rough(Interval::new(low, high)).filter(|piece| self.is_told(piece));
-            let piece = if let Some(long) = long {
-                long
-            } else {
-                high = until(ROUGH_BEND);
-                self.rough(Interval::new(low, high))?
-            };
+            let mut piece = None;
+            for (bend, times) in ROUGH_BENDS {
+                piece = self.rough(Interval::new(low, until(bend)));
+                if piece.as_ref().is_some_and(|piece| self.is_told(piece, times)) {
+                    break;
+                }
+            }
+            let piece = piece?;
+            let high = piece.chart.high();
             pieces.push(piece);
             low = high;
         }
@@ -216,15 +219,16 @@ impl<'a> Sums<'a> {
     fn rough(&self, chart: Interval) -> Option<Piece> {
         let cable = self.view.seed.eliminated;
         let hung = self.view.prover.curves.hung(cable, &self.view.sights[cable], chart)?;
-        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n);
+        let tangent_m = -hung.heading_m;
+        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n, &tangent_m);
         piece.swept += self.spread(&self.rows, &piece.ratio);
         Some(piece)
     }
 
-    /// Whether it is well known which sign row `e` has on a piece, or whether it rises or falls.
-    fn is_told(&self, piece: &Piece) -> bool {
+    /// Whether it is so well known which sign row `e` has on a piece, or whether it rises or falls.
+    fn is_told(&self, piece: &Piece, times: f64) -> bool {
         let cable = self.view.seed.eliminated;
-        let is_told = |sum: Interval| sum.mignitude() > TOLD * sum.radius();
+        let is_told = |sum: Interval| sum.mignitude() > times * sum.radius();
         is_told(piece.sum[cable]) || is_told(piece.slope[cable])
     }
 
@@ -234,20 +238,26 @@ impl<'a> Sums<'a> {
         chart: Interval,
         force_n: &Vector2<Interval>,
         by_chart_n: &Vector2<Interval>,
+        tangent_m: &Vector2<Interval>,
     ) -> Piece {
         let cable = self.view.seed.eliminated;
         let sight = &self.view.sights[cable];
         let along = self.inverse.times(&sight.wrench_n(force_n));
-        let slope = self.inverse.times(&sight.wrench_n(by_chart_n));
+        let slope = self.inverse.times(&sight.wrench_n(tangent_m));
         let rise = slope[cable];
         let ratio = Vector6::from_fn(|i, _| {
             let ratio = slope[i].middle() / rise.middle();
             if i != cable && rise.mignitude() > 0.0 && ratio.is_finite() { ratio } else { 0.0 }
         });
+        // By as many newtons a metre the force density falls at least, along the piece.
+        let falls_n_m =
+            size(by_chart_n).low() / size(tangent_m).high() * (chart.high() - chart.low());
         Piece {
+            chart,
             sum: self.all_others + along,
             force_n: size(force_n).high(),
-            slope_n: size(by_chart_n).high(),
+            slope_m: size(tangent_m).high(),
+            rise_n: rise.low().max(0.0) * falls_n_m / UPWARDS,
             left_n: size(by_chart_n).high()
                 * (1.0 + chart.magnitude())
                 * (CROSSING_WIDTH * UPWARDS),
@@ -273,7 +283,8 @@ impl<'a> Sums<'a> {
         let sight = &self.view.sights[cable];
         let chart = Interval::point(chart);
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
-        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n);
+        let tangent_m = -hung.heading_m;
+        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n, &tangent_m);
         let mut moving_n = self.by_pose_n;
         sight.add_by_pose(&mut moving_n, &hung, self.view.along);
         let rows = self.inverse.rows(&moving_n, self.view.along);
@@ -306,14 +317,14 @@ impl<'a> Sums<'a> {
         let (curves, sight) = (&self.view.prover.curves, &self.view.sights[cable]);
         let (here, none) = (&self.sights[cable], Vector6::zeros());
         let chart = Interval::new(from.min(to), from.max(to));
-        let reach = curves.reach_at_once(cable, sight, chart)?;
-        let mut piece = self.plain(chart, &reach.force_n, &reach.by_chart_n);
+        let (reach, by_end) = curves.turning_reach(cable, sight, chart)?;
+        let mut piece = self.plain(chart, &reach.force_n, &reach.by_chart_n, &reach.tangent_m);
         // The slope.
-        let mut turning_n = [Vector6::zeros(); COORDINATES];
-        sight.add_moved(&mut turning_n, &reach.by_chart_n, &reach.turn_n, self.view.along);
-        let turning = self.inverse.rows(&turning_n, self.view.along);
-        let slope_n = here.wrench_n(&curves.slope(cable, here, chart, &reach.bend_n)?);
-        let slope = self.inverse.times(&slope_n);
+        let mut turning = [Vector6::zeros(); COORDINATES];
+        sight.add_moved(&mut turning, &reach.tangent_m, &by_end, self.view.along);
+        let turning = self.inverse.rows(&turning, self.view.along);
+        let [slope_n, at_m] = curves.slope(cable, here, chart, &reach)?;
+        let slope = self.inverse.times(&here.wrench_n(&at_m));
         let near = slope + self.spread(&turning, &none);
         let slope_swept = self.swept(&slope, &piece.ratio);
         let swept = slope_swept + self.spread(&turning, &piece.ratio);
@@ -322,6 +333,8 @@ impl<'a> Sums<'a> {
             piece.swept_slope[i] = piece.swept_slope[i].min(swept[i].magnitude());
         }
         // The sum.
+        let slope = self.inverse.times(&here.wrench_n(&slope_n));
+        let slope_swept = self.swept(&slope, &piece.ratio);
         let mut moving_n = self.by_pose_n;
         sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, self.view.along);
         let rows = self.inverse.rows(&moving_n, self.view.along);
@@ -346,7 +359,7 @@ impl<'a> Sums<'a> {
         let mut exact = self.exactly(at)?;
         let mut step = FINEST * known;
         for _ in 0..MOST_FINE {
-            let longest = stretch(chart, BEND);
+            let longest = stretch(chart, FINE_BEND);
             step = (GROWTH * step).clamp(-longest, longest);
             let is_last = (end - chart).abs() <= step.abs();
             let next = if is_last { end } else { chart + step };

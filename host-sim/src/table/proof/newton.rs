@@ -1,0 +1,209 @@
+//! What a step of Newton's method misses, what arithmetic in f32 adds to it, and the errors that remain: see
+//! [`proof`](super).
+
+use std::ops::Range;
+
+use cdpr_core::CABLES;
+use nalgebra::Vector6;
+use num_traits::Zero;
+
+use super::super::curve::{Reach, both, seen, size};
+use super::super::equations::{Columns, fed_back};
+use super::super::sums::{Piece, UPWARDS, View};
+use super::{Frame, Tangents};
+use crate::interval::Interval;
+
+/// Groups of pieces on each of which a solution is looked at by itself.
+const GROUPS: usize = 6;
+/// The arithmetic of a controller in f32, in units of the force of a cable. The force itself, as a vector at the
+/// attachment, is off by at most so many (15 operations of the explicit curve, whose factors are of one sign, and three
+/// of its direction, rounded half a unit each; three more units for root and strain).
+const F32_FORCE: f64 = 12.0;
+/// And by as many as its plane is off, by this in units of the coordinates that it is made of.
+const F32_PLANE: f64 = 2.0;
+/// A component of a wrench is off by at most so many (products with the lever arm, and the sum of seven, rounded half a
+/// unit each).
+const F32_WRENCH: f64 = 6.0;
+/// What is rounded in a matrix and in its elimination, as a component of the wrench: in units of the step, and of what
+/// is eliminated, which is the force of the eliminated cable and as much of the sum of all others.
+const F32_STEP: f64 = 36.0;
+pub(super) const F32_ELIMINATED: f64 = 18.0;
+/// Unit in the last place of 1.
+pub(super) const F32: f64 = f32::EPSILON as f64;
+
+/// What tangents miss of curves.
+pub(super) struct Missed {
+    /// Across the tangents, through `A`.
+    pub(super) aside: Vector6<Interval>,
+    /// Along them, in units of the coordinates.
+    pub(super) along: [Interval; CABLES],
+}
+
+/// The errors after a step, N.
+#[derive(Clone, Copy)]
+pub(super) struct Errors {
+    pub(super) others_n: Vector6<f64>,
+    pub(super) eliminated_n: f64,
+}
+
+impl Frame<'_> {
+    /// What the tangents at `from`, taken at `at`, miss of the curves at `to`.
+    pub(super) fn missed(
+        &self,
+        tangents: &Tangents,
+        at: &[Interval; CABLES],
+        to: &[Interval; CABLES],
+        errors: &[Interval; CABLES],
+    ) -> Option<Missed> {
+        let (curves, sights) = (&self.view.prover.curves, &self.view.sights);
+        let mut aside_n = Vector6::zeros();
+        let mut along = [Interval::zero(); CABLES];
+        for i in self.others() {
+            let (sight, error, direction) = (&sights[i], errors[i], &self.directions[i]);
+            let (here, heading) = (tangents.reach[i].as_ref()?, tangents.headings[i].as_ref()?);
+            let there = curves.hung(i, sight, to[i])?;
+            let all = at[i].hull(to[i]);
+            let (between, course) = curves.course(i, sight, all, direction)?;
+            let half_square = error.square() * Interval::point(0.5);
+            let plain = there.force_n - here.force_n + here.by_chart_n * error;
+            let missed_n = both(&plain, &(between.bend_n * half_square))?;
+            let (missed_along_n, missed_aside_n) = seen(&missed_n, direction);
+            along[i] = missed_along_n / heading.rate_n;
+            // As it stands, and by how the curve turns.
+            let rough = missed_aside_n - heading.slant * missed_along_n;
+            let fine = course.rate_n * course.bend * half_square;
+            let across = course.across(rough.intersection(fine)?);
+            aside_n += sight.wrench_n(&across);
+        }
+        Some(Missed { aside: self.inverse.times(&aside_n), along })
+    }
+
+    /// What the force of a cable is off by in f32, in units of it: on its curve, and by its plane.
+    pub(super) fn force_roundings(&self, cable: usize) -> f64 {
+        let View { prover, sights, .. } = self.view;
+        let x_m = sights[cable].x_m;
+        F32_FORCE + F32_PLANE * (prover.size_m + x_m.high()) * 2.0 / x_m.low()
+    }
+
+    /// What arithmetic in f32 may add in a step from there with these errors, and the end of the search.
+    pub(super) fn rounding(
+        &self,
+        from: &[Option<Reach>],
+        eliminated: &[Piece],
+        errors: &[Interval; CABLES],
+    ) -> Vector6<f64> {
+        let most = |size: fn(&Piece) -> f64| eliminated.iter().map(size).fold(0.0, f64::max);
+        let mut wrench_n = 0.0;
+        let mut rounding = Vector6::zeros();
+        for i in 0..CABLES {
+            let roundings = F32 * self.force_roundings(i);
+            let off_n = if let Some(at) = &from[i] {
+                // The step is about as long as the error, and its matrix is rounded, too.
+                let step_n = size(&at.by_chart_n).high() * errors[i].magnitude() * 4.0;
+                let force_n = size(&at.force_n).high();
+                wrench_n += F32 * (F32_WRENCH * force_n + F32_STEP * step_n);
+                roundings * (force_n + step_n)
+            } else {
+                // What its last step along the curve leaves out is of the size of a rounding.
+                let force_n = 2.0 * most(|piece| piece.force_n);
+                wrench_n += F32 * F32_ELIMINATED * force_n;
+                roundings * force_n + most(|piece| piece.left_n)
+            };
+            rounding += self.per_force.column(i) * off_n;
+        }
+        (rounding + self.inverse.per_newton * wrench_n) * UPWARDS
+    }
+
+    /// The errors after a step, from what the tangents miss, with solution and step on any of some pieces. What is
+    /// eliminated is not told apart further where it is `small_n`.
+    pub(super) fn errors(
+        &self,
+        columns: &Columns,
+        all: Range<usize>,
+        missed: &Vector6<Interval>,
+        rounding: &Vector6<f64>,
+        small_n: f64,
+    ) -> Option<Errors> {
+        let cable = self.view.seed.eliminated;
+        let pieces = &self.course.pieces;
+        if !all.clone().all(|number| pieces[number].slope[cable].low() > 0.0) {
+            return None;
+        }
+        let rise_n = |numbers: Range<usize>| {
+            numbers.map(|number| pieces[number].rise_n).sum::<f64>() / UPWARDS
+        };
+        let on = |pieces| self.errors_on(columns, pieces, missed, rounding);
+        let whole = on(all.clone()).map(|(errors, _)| errors);
+        if whole.is_some_and(|errors| errors.eliminated_n < small_n) {
+            return whole;
+        }
+        let mut most = Errors { others_n: Vector6::zeros(), eliminated_n: 0.0 };
+        // With the solution on each of some groups, and the step on some more pieces.
+        let group = all.len().div_ceil(GROUPS);
+        for first in all.clone().step_by(group) {
+            let last = (first + group).min(all.end);
+            let mut far = 1;
+            let errors = loop {
+                let from = first.saturating_sub(far).max(all.start);
+                let until = (last + far).min(all.end);
+                if from == all.start && until == all.end {
+                    break whole?;
+                }
+                if let Some((errors, along_n)) = on(from..until) {
+                    let is_inside = |is_end, between| is_end || along_n < rise_n(between);
+                    if is_inside(from == all.start, from..first)
+                        && is_inside(until == all.end, last..until)
+                    {
+                        break errors;
+                    }
+                }
+                far *= 2;
+            };
+            most.others_n = most.others_n.sup(&errors.others_n);
+            most.eliminated_n = most.eliminated_n.max(errors.eliminated_n);
+        }
+        Some(most)
+    }
+
+    /// These errors if solution and step are on these pieces; and by how much the eliminated cable moves row `e` then.
+    fn errors_on(
+        &self,
+        columns: &Columns,
+        pieces: Range<usize>,
+        missed: &Vector6<Interval>,
+        rounding: &Vector6<f64>,
+    ) -> Option<(Errors, f64)> {
+        let pieces = &self.course.pieces[pieces];
+        let cable = self.view.seed.eliminated;
+        let most = |size: &dyn Fn(&Piece) -> f64| {
+            let ratios = pieces.iter().map(|piece| size(piece) / piece.slope[cable].low());
+            ratios.fold(0.0, f64::max) * UPWARDS
+        };
+        let ratio = pieces[pieces.len() / 2].ratio;
+        // As much as the slopes of a piece are off its own ratio, and that is off this one; or as they are.
+        let pull = Vector6::from_fn(|i, _| {
+            let off = |piece: &Piece| {
+                let rise = piece.slope[cable];
+                let turned = (piece.ratio[i] - ratio[i]).abs() * rise.high();
+                let plain = piece.slope[i] - Interval::point(ratio[i]) * rise;
+                plain.magnitude().min((piece.swept_slope[i] + turned) * UPWARDS)
+            };
+            if i == cable { 0.0 } else { most(&off) }
+        });
+        let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
+        let mut fed = columns.defect(&ratio) + pull * row;
+        fed.fill_row(cable, 0.0);
+        let alone = missed[cable].magnitude() + rounding[cable];
+        let right = Vector6::from_fn(|i, _| {
+            if i == cable {
+                return 0.0;
+            }
+            let swept = missed[i] - Interval::point(ratio[i]) * missed[cable];
+            swept.magnitude() + rounding[i] + ratio[i].abs() * rounding[cable] + pull[i] * alone
+        });
+        let others_n = fed_back(&fed, &right)?;
+        let along_n = (alone + row.transpose().dot(&others_n)) * UPWARDS;
+        let eliminated_n = along_n * most(&|piece| piece.slope_m);
+        Some((Errors { others_n, eliminated_n }, along_n))
+    }
+}
