@@ -32,18 +32,13 @@ pub(super) struct Curves {
 
 /// One cable over a box of poses and a range of its coordinate: force, and its first and second derivative by
 /// the coordinate.
+#[allow(clippy::struct_field_names)] // their unit
 pub(super) struct Reach {
     pub(super) force_n: Vector2<Interval>,
     pub(super) by_chart_n: Vector2<Interval>,
     pub(super) bend_n: Vector2<Interval>,
     /// How the force changes with the end of the cable in `x` and in `z`, N/m.
     pub(super) by_end_n: [Vector2<Interval>; 2],
-    /// The tangents by the force density of the cable, how they change with the coordinate, and that in the middle of the
-    /// range. They turn with the pose, but do not grow as a cable gets taut, so that little cancels where they turn little.
-    pub(super) tangent_m: Vector2<Interval>,
-    tangent_bend_m: Vector2<Interval>,
-    /// Of a range in parts: in the middles of all of them.
-    middle_m: Vector2<Interval>,
 }
 
 impl Reach {
@@ -54,11 +49,19 @@ impl Reach {
             by_chart_n: both(&self.by_chart_n, &other.by_chart_n),
             bend_n: both(&self.bend_n, &other.bend_n),
             by_end_n: [0, 1].map(|k| both(&self.by_end_n[k], &other.by_end_n[k])),
-            tangent_m: both(&self.tangent_m, &other.tangent_m),
-            tangent_bend_m: both(&self.tangent_bend_m, &other.tangent_bend_m),
-            middle_m: both(&self.middle_m, &other.middle_m),
         }
     }
+}
+
+/// Its tangents by the force density of the cable, m. They turn with the pose, but do not grow as a cable gets taut, so that
+/// little cancels where they turn little.
+#[allow(clippy::struct_field_names)] // their unit
+pub(super) struct Tangent {
+    pub(super) at_m: Vector2<Interval>,
+    /// How they change with the coordinate.
+    pub(super) bend_m: Vector2<Interval>,
+    /// That in the middle of the range.
+    middle_m: Vector2<Interval>,
 }
 
 /// Where the curve of a cable is heading over a range, seen along a direction: its tangent is that plus the slant
@@ -73,18 +76,23 @@ pub(super) struct Heading {
 
 impl Heading {
     /// `None` where it may turn back.
-    fn of(reach: &Reach, chart: Interval, direction: &Vector2<f64>) -> Option<Self> {
+    fn of(
+        reach: &Reach,
+        tangent: &Tangent,
+        chart: Interval,
+        direction: &Vector2<f64>,
+    ) -> Option<Self> {
         let (rate_n, _) = seen(&reach.by_chart_n, direction);
-        let (along_m, across_m) = seen(&reach.tangent_m, direction);
+        let (along_m, across_m) = seen(&tangent.at_m, direction);
         let is_on = rate_n.low() > 0.0 && along_m.low() > 0.0; // false for NaN
         if !is_on {
             return None;
         }
         let slant = across_m / along_m;
-        let (bent_along, bent_across) = seen(&reach.tangent_bend_m, direction);
+        let (bent_along, bent_across) = seen(&tangent.bend_m, direction);
         let bend = (bent_across - slant * bent_along) / along_m;
         // By the mean value theorem: all along the curve its parts change together.
-        let (along_m, across_m) = seen(&reach.middle_m, direction);
+        let (along_m, across_m) = seen(&tangent.middle_m, direction);
         let near = across_m / along_m + bend * Interval::symmetric(chart.radius());
         let slant = slant.intersection(near)?;
         let is_known = [rate_n, slant, bend].iter().all(|c| c.is_bounded());
@@ -142,8 +150,8 @@ impl Curves {
         direction: &Vector2<f64>,
     ) -> Option<(Reach, Heading)> {
         let at_once = |chart| {
-            let reach = self.reach(i, sight, chart)?;
-            let heading = Heading::of(&reach, chart, direction)?;
+            let (reach, tangent) = self.reach(i, sight, chart, &self.hung_at(i, sight, chart)?)?;
+            let heading = Heading::of(&reach, &tangent, chart, direction)?;
             Some((reach, heading))
         };
         if let Some((reach, heading)) = at_once(chart)
@@ -239,29 +247,25 @@ impl Curves {
         None
     }
 
-    /// One cable over a range of its coordinate.
-    pub(super) fn reach(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Reach> {
-        self.reach_at(i, sight, chart, &self.hung_at(i, sight, chart)?)
-    }
-
-    /// And how its tangents change with the end of the cable in `x` and in `z`.
+    /// One cable over a range of its coordinate, and how its tangents change with the end of the cable in `x` and in `z`.
     pub(super) fn turning_reach(
         &self,
         i: usize,
         sight: &Sight,
         chart: Interval,
-    ) -> Option<(Reach, [Vector2<Interval>; 2])> {
+    ) -> Option<(Reach, Tangent, [Vector2<Interval>; 2])> {
         let at = self.hung_at(i, sight, chart)?;
-        Some((self.reach_at(i, sight, chart, &at)?, self.tangent_by_end(i, sight, &at)?))
+        let (reach, tangent) = self.reach(i, sight, chart, &at)?;
+        Some((reach, tangent, self.tangent_by_end(i, sight, &at)?))
     }
 
-    fn reach_at(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<Reach> {
+    fn reach(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<(Reach, Tangent)> {
         let hung = &at.hung;
         let (_, slope) = chart_of_root(at.root);
         let (zero, by_chart) = (Interval::zero(), Interval::one() / slope);
         let moving = self.moving(i, sight, at, [by_chart, hung.strain_by_chart, zero, zero]);
         let bend_n = moving.force_by_chart_n.map(|c| c.rate);
-        let tangent_bend_m = moving.heading_m.map(|c| -c.rate);
+        let bend_m = moving.heading_m.map(|c| -c.rate);
         // By the mean value, where that is better.
         let half = Interval::symmetric(chart.radius());
         let middle = self.hung_at(i, sight, Interval::point(chart.middle()))?.hung;
@@ -270,19 +274,12 @@ impl Curves {
         let near = middle.force_n + by_chart_n * half;
         let force_n = both(&hung.force_n, &near)?;
         let middle_m = -middle.heading_m;
-        let tangent_m = both(&-hung.heading_m, &(middle_m + tangent_bend_m * half))?;
+        let at_m = both(&-hung.heading_m, &(middle_m + bend_m * half))?;
         let by_end_n = [hung.force_by_x_n_m, hung.force_by_z_n_m];
-        let known = [force_n, by_chart_n, bend_n, tangent_m, tangent_bend_m];
+        let known = [force_n, by_chart_n, bend_n, at_m, bend_m];
         let is_known = known.iter().chain(&by_end_n).all(|v| size(v).is_bounded());
-        is_known.then_some(Reach {
-            force_n,
-            by_chart_n,
-            bend_n,
-            by_end_n,
-            tangent_m,
-            tangent_bend_m,
-            middle_m,
-        })
+        let reach = Reach { force_n, by_chart_n, bend_n, by_end_n };
+        is_known.then_some((reach, Tangent { at_m, bend_m, middle_m }))
     }
 
     /// Only first derivative and tangents at other poses of those over which it is known how these change with the
@@ -292,13 +289,14 @@ impl Curves {
         i: usize,
         sight: &Sight,
         chart: Interval,
-        reach: &Reach,
+        bend_n: &Vector2<Interval>,
+        bend_m: &Vector2<Interval>,
     ) -> Option<[Vector2<Interval>; 2]> {
         let half = Interval::symmetric(chart.radius());
         let middle = self.hung(i, sight, Interval::point(chart.middle()))?;
-        let near_n = middle.force_by_chart_n + reach.bend_n * half;
-        let near_m = reach.tangent_bend_m * half - middle.heading_m;
-        if is_known(chart, &reach.bend_n, &middle.force_by_chart_n) {
+        let near_n = middle.force_by_chart_n + bend_n * half;
+        let near_m = bend_m * half - middle.heading_m;
+        if is_known(chart, bend_n, &middle.force_by_chart_n) {
             return Some([near_n, near_m]);
         }
         let all = self.hung(i, sight, chart)?;

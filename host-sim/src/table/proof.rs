@@ -291,11 +291,16 @@ struct Frame<'a> {
 
 /// The curves of five cables over a box of coordinates.
 struct Tangents<'a> {
-    reach: Vec<Option<Reach>>,
-    headings: Vec<Option<Heading>>,
-    /// How fast their forces change along their directions, N.
-    rates_n: [Interval; CABLES],
+    /// None of the eliminated one.
+    courses: [Option<(Reach, Heading)>; CABLES],
     columns: Columns<'a>,
+}
+
+impl Tangents<'_> {
+    /// How fast the force of a cable changes along its direction, N; 1 of the eliminated one.
+    fn rate_n(&self, cable: usize) -> Interval {
+        self.courses[cable].as_ref().map_or(Interval::one(), |(_, heading)| heading.rate_n)
+    }
 }
 
 /// Where a step leads from anywhere in a box of coordinates.
@@ -355,18 +360,11 @@ impl<'a> Frame<'a> {
     /// The curves of five cables at `at`, and their tangents.
     fn tangents(&self, at: &[Interval; CABLES]) -> Option<Tangents<'_>> {
         let View { prover, patch, sights, along, seed, .. } = self.view;
-        let mut reach = Vec::with_capacity(CABLES);
-        let mut headings = Vec::with_capacity(CABLES);
+        let mut courses = std::array::from_fn(|_| None);
         let mut columns = Columns::new(&self.inverse, seed.eliminated, *along);
-        let mut rates_n = [Interval::one(); CABLES];
-        for i in 0..CABLES {
-            if i == seed.eliminated {
-                reach.push(None);
-                headings.push(None);
-                continue;
-            }
+        for i in self.others() {
             let direction = &self.directions[i];
-            let (all, heading) = prover.curves.course(i, &sights[i], at[i], direction)?;
+            let (reach, heading) = prover.curves.course(i, &sights[i], at[i], direction)?;
             let (_, at_middle) = prover.curves.course(i, &self.sights[i], at[i], direction)?;
             let tangent = heading.vector(at_middle.slant);
             columns.set(i, &self.sights[i].wrench_n(&tangent));
@@ -378,11 +376,9 @@ impl<'a> Frame<'a> {
                 *along,
             );
             columns.turn(i, &turning, patch);
-            rates_n[i] = heading.rate_n;
-            reach.push(Some(all));
-            headings.push(Some(heading));
+            courses[i] = Some((reach, heading));
         }
-        Some(Tangents { reach, headings, rates_n, columns })
+        Some(Tangents { courses, columns })
     }
 
     /// What a step obeys with these tangents, right sides and roundings.
@@ -401,23 +397,23 @@ impl<'a> Frame<'a> {
     fn stage(&self, at: &[Interval; CABLES], solutions: &Solutions) -> Option<Stage<'_>> {
         let cable = self.view.seed.eliminated;
         let tangents = self.tangents(at)?;
-        let Tangents { reach, rates_n, columns, .. } = &tangents;
         let center = self.center.map(Interval::point);
         let errors = std::array::from_fn(|i| at[i] - center[i]);
         let Missed { aside: missed, along } = self.missed(&tangents, at, &center, &errors)?;
-        let rounding = self.rounding(reach, self.course.at_center(), &errors);
+        let rounding = self.rounding(&tangents, self.course.at_center(), &errors);
         let apart = missed.map(Interval::magnitude) + rounding;
         let (per_newton, per_force) = (self.inverse.per_newton[cable], self.per_force.row(cable));
         let eliminated = F32 * F32_ELIMINATED * per_newton * UPWARDS;
         let unit = |i: usize| F32 * self.force_roundings(i) * per_force[i] * UPWARDS + eliminated;
         // What is rounded in the tangents of the others.
         let tangent_units = Vector6::from_fn(|i, _| {
-            let slope_n = reach[i].as_ref().map_or(0.0, |at| size(&at.by_chart_n).high());
-            unit(i) * slope_n / rates_n[i].low()
+            let at = tangents.courses[i].as_ref();
+            let slope_n = at.map_or(0.0, |(at, _)| size(&at.by_chart_n).high());
+            unit(i) * slope_n / tangents.rate_n(i).low()
         });
         let arithmetic =
             Arithmetic { unit: unit(cable), tangent_units, per_newton: per_force[cable] };
-        let equations = self.equations(columns, apart, arithmetic);
+        let equations = self.equations(&tangents.columns, apart, arithmetic);
         let pieces = equations.pieces()?;
         equations.leads_to(&pieces).then_some(())?;
         equations.rise_on(&solutions.pieces).then_some(())?;
@@ -426,7 +422,7 @@ impl<'a> Frame<'a> {
             if i == cable {
                 return Interval::zero();
             }
-            center[i] + along[i] + moved[i] / rates_n[i]
+            center[i] + along[i] + moved[i] / tangents.rate_n(i)
         });
         Some(Stage { tangents, pieces, to })
     }
@@ -477,6 +473,7 @@ impl<'a> Frame<'a> {
             let there = prover.curves.hung(i, &sights[i], solutions.charts[i]);
             sum_n += size(&there.ok_or(Gap::Unproven)?.force_n).low();
         }
+        let near_n = TOLERANCE * sum_n;
 
         // From the seed.
         let mut iterate = seed.charts.map(Interval::point);
@@ -490,11 +487,10 @@ impl<'a> Frame<'a> {
             let (a, b) = (&stage.pieces, &solutions.pieces);
             let pieces = a.start.min(b.start)..a.end.max(b.end);
             let rounding =
-                self.rounding(&stage.tangents.reach, &self.course.pieces[pieces.clone()], &errors);
-            let after =
-                self.errors(&stage.tangents.columns, pieces, &missed, &rounding, TOLERANCE * sum_n);
+                self.rounding(&stage.tangents, &self.course.pieces[pieces.clone()], &errors);
+            let after = self.errors(&stage.tangents.columns, pieces, &missed, &rounding, near_n);
             let Errors { others_n: after_n, eliminated_n } = after.ok_or(Gap::TooManySteps)?;
-            let rate = |i: usize| stage.tangents.rates_n[i].low();
+            let rate = |i: usize| stage.tangents.rate_n(i).low();
             iterate = std::array::from_fn(|i| {
                 if i == seed.eliminated {
                     return Interval::zero();
@@ -510,7 +506,7 @@ impl<'a> Frame<'a> {
                 let slope_n = prover.curves.hung(i, &sights[i], there).ok_or(Gap::TooManySteps)?;
                 off_n = off_n.max(size(&slope_n.force_by_chart_n).high() * errors[i].magnitude());
             }
-            if off_n < TOLERANCE * sum_n {
+            if off_n < near_n {
                 return Ok(done);
             }
         }

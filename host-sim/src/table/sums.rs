@@ -57,7 +57,6 @@ impl<'a> View<'a> {
 
 /// A piece of the curve of the eliminated cable, for all poses of a patch.
 pub(super) struct Piece {
-    chart: Interval,
     /// `A (S(P, pc) + G F(q))`.
     pub(super) sum: Vector6<Interval>,
     /// `A G F'(q)`, by the force density of the cable, m.
@@ -200,16 +199,15 @@ impl<'a> Sums<'a> {
         let mut pieces = Vec::new();
         while low < end {
             let until = |bend: f64| (low + stretch(low, bend)).min(end);
-            let mut piece = None;
+            let (mut piece, mut high) = (None, low);
             for (bend, times) in ROUGH_BENDS {
-                piece = self.rough(Interval::new(low, until(bend)));
+                high = until(bend);
+                piece = self.rough(Interval::new(low, high));
                 if piece.as_ref().is_some_and(|piece| self.is_told(piece, times)) {
                     break;
                 }
             }
-            let piece = piece?;
-            let high = piece.chart.high();
-            pieces.push(piece);
+            pieces.push(piece?);
             low = high;
         }
         Some(pieces)
@@ -253,7 +251,6 @@ impl<'a> Sums<'a> {
         let falls_n_m =
             size(by_chart_n).low() / size(tangent_m).high() * (chart.high() - chart.low());
         Piece {
-            chart,
             sum: self.all_others + along,
             force_n: size(force_n).high(),
             slope_m: size(tangent_m).high(),
@@ -317,13 +314,13 @@ impl<'a> Sums<'a> {
         let (curves, sight) = (&self.view.prover.curves, &self.view.sights[cable]);
         let (here, none) = (&self.sights[cable], Vector6::zeros());
         let chart = Interval::new(from.min(to), from.max(to));
-        let (reach, by_end) = curves.turning_reach(cable, sight, chart)?;
-        let mut piece = self.plain(chart, &reach.force_n, &reach.by_chart_n, &reach.tangent_m);
+        let (reach, tangent, by_end) = curves.turning_reach(cable, sight, chart)?;
+        let mut piece = self.plain(chart, &reach.force_n, &reach.by_chart_n, &tangent.at_m);
         // The slope.
         let mut turning = [Vector6::zeros(); COORDINATES];
-        sight.add_moved(&mut turning, &reach.tangent_m, &by_end, self.view.along);
+        sight.add_moved(&mut turning, &tangent.at_m, &by_end, self.view.along);
         let turning = self.inverse.rows(&turning, self.view.along);
-        let [slope_n, at_m] = curves.slope(cable, here, chart, &reach)?;
+        let [slope_n, at_m] = curves.slope(cable, here, chart, &reach.bend_n, &tangent.bend_m)?;
         let slope = self.inverse.times(&here.wrench_n(&at_m));
         let near = slope + self.spread(&turning, &none);
         let slope_swept = self.swept(&slope, &piece.ratio);

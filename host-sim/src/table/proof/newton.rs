@@ -4,10 +4,10 @@
 use std::ops::Range;
 
 use cdpr_core::CABLES;
-use nalgebra::Vector6;
+use nalgebra::{RowVector6, Vector6};
 use num_traits::Zero;
 
-use super::super::curve::{Reach, both, seen, size};
+use super::super::curve::{both, seen, size};
 use super::super::equations::{Columns, fed_back};
 use super::super::sums::{Piece, UPWARDS, View};
 use super::{Frame, Tangents};
@@ -60,7 +60,7 @@ impl Frame<'_> {
         let mut along = [Interval::zero(); CABLES];
         for i in self.others() {
             let (sight, error, direction) = (&sights[i], errors[i], &self.directions[i]);
-            let (here, heading) = (tangents.reach[i].as_ref()?, tangents.headings[i].as_ref()?);
+            let (here, heading) = tangents.courses[i].as_ref()?;
             let there = curves.hung(i, sight, to[i])?;
             let all = at[i].hull(to[i]);
             let (between, course) = curves.course(i, sight, all, direction)?;
@@ -88,7 +88,7 @@ impl Frame<'_> {
     /// What arithmetic in f32 may add in a step from there with these errors, and the end of the search.
     pub(super) fn rounding(
         &self,
-        from: &[Option<Reach>],
+        from: &Tangents,
         eliminated: &[Piece],
         errors: &[Interval; CABLES],
     ) -> Vector6<f64> {
@@ -97,7 +97,7 @@ impl Frame<'_> {
         let mut rounding = Vector6::zeros();
         for i in 0..CABLES {
             let roundings = F32 * self.force_roundings(i);
-            let off_n = if let Some(at) = &from[i] {
+            let off_n = if let Some((at, _)) = &from.courses[i] {
                 // The step is about as long as the error, and its matrix is rounded, too.
                 let step_n = size(&at.by_chart_n).high() * errors[i].magnitude() * 4.0;
                 let force_n = size(&at.force_n).high();
@@ -132,7 +132,8 @@ impl Frame<'_> {
         let rise_n = |numbers: Range<usize>| {
             numbers.map(|number| pieces[number].rise_n).sum::<f64>() / UPWARDS
         };
-        let on = |pieces| self.errors_on(columns, pieces, missed, rounding);
+        let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
+        let on = |pieces| self.errors_on((columns, &row), pieces, missed, rounding);
         let whole = on(all.clone()).map(|(errors, _)| errors);
         if whole.is_some_and(|errors| errors.eliminated_n < small_n) {
             return whole;
@@ -165,10 +166,11 @@ impl Frame<'_> {
         Some(most)
     }
 
-    /// These errors if solution and step are on these pieces; and by how much the eliminated cable moves row `e` then.
+    /// These errors if solution and step are on these pieces; and by how much the eliminated cable moves row `e` then. With
+    /// row `e` of the columns' defect.
     fn errors_on(
         &self,
-        columns: &Columns,
+        (columns, row): (&Columns, &RowVector6<f64>),
         pieces: Range<usize>,
         missed: &Vector6<Interval>,
         rounding: &Vector6<f64>,
@@ -190,7 +192,6 @@ impl Frame<'_> {
             };
             if i == cable { 0.0 } else { most(&off) }
         });
-        let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
         let mut fed = columns.defect(&ratio) + pull * row;
         fed.fill_row(cable, 0.0);
         let alone = missed[cable].magnitude() + rounding[cable];
