@@ -18,13 +18,20 @@ const FEEDBACK: usize = 6;
 /// And what is added to each for it.
 const SHARE: f64 = 0.01;
 
-/// What the controller rounds off, in the row of the eliminated cable: by newton of its force, by newton of each of the
-/// others, and by newton that the search leaves out. None for what is exact.
+/// What the controller rounds off in each row of a step, at most: for the five others, by newton of the force of the
+/// eliminated cable, and by newton that the search along its curve leaves out. None for what is exact.
 #[derive(Default)]
 pub(super) struct Arithmetic {
-    pub(super) unit: f64,
-    pub(super) tangent_units: Vector6<f64>,
-    pub(super) per_newton: f64,
+    pub(super) others: Vector6<f64>,
+    pub(super) unit: Vector6<f64>,
+    pub(super) per_newton: Vector6<f64>,
+}
+
+impl Arithmetic {
+    /// With the eliminated cable on a piece. What is eliminated is its force, and as much of the sum of all others.
+    pub(super) fn on(&self, piece: &Piece) -> Vector6<f64> {
+        self.others + self.unit * (2.0 * piece.force_n) + self.per_newton * piece.left_n
+    }
 }
 
 /// What a step obeys, from anywhere in a box of coordinates.
@@ -32,8 +39,8 @@ pub(super) struct Equations<'a> {
     columns: &'a Columns<'a>,
     course: &'a Course,
     fold_at_slack_end: bool,
-    /// What the right sides are off by at most.
-    apart: Vector6<f64>,
+    /// What the right sides are off by, and what is rounded.
+    missed: Vector6<Interval>,
     arithmetic: Arithmetic,
     /// Row `e` of `|A M - 1|`.
     row: Vector6<f64>,
@@ -46,15 +53,15 @@ impl<'a> Equations<'a> {
         columns: &'a Columns,
         course: &'a Course,
         fold_at_slack_end: bool,
-        apart: Vector6<f64>,
+        missed: Vector6<Interval>,
         arithmetic: Arithmetic,
     ) -> Self {
         let plain = columns.defect(&Vector6::zeros());
         let row = plain.row(columns.cable).transpose();
         let mut back = plain.transpose();
         back.fill_column(columns.cable, 0.0);
-        let weights = fed_back(&back, &(row + arithmetic.tangent_units));
-        Self { columns, course, fold_at_slack_end, apart, arithmetic, row, weights }
+        let weights = fed_back(&back, &row);
+        Self { columns, course, fold_at_slack_end, missed, arithmetic, row, weights }
     }
 
     fn cable(&self) -> usize {
@@ -72,11 +79,16 @@ impl<'a> Equations<'a> {
         fed
     }
 
-    /// How far the others move, if the eliminated cable is on a piece.
+    /// What the right sides are off by at most, if the eliminated cable is on a piece.
+    fn apart(&self, piece: &Piece) -> Vector6<f64> {
+        self.missed.map(Interval::magnitude) + self.arithmetic.on(piece)
+    }
+
+    /// How far the others move then.
     fn bound(&self, fed: &Matrix6<f64>, piece: &Piece) -> Option<Vector6<f64>> {
-        let cable = self.cable();
-        let apart = |i: usize| self.apart[i] + piece.ratio[i].abs() * self.apart[cable];
-        fed_back(fed, &self.others(|i| apart(i) + piece.swept[i].magnitude()))
+        let apart = self.apart(piece);
+        let all = |i: usize| apart[i] + piece.ratio[i].abs() * apart[self.cable()];
+        fed_back(fed, &self.others(|i| all(i) + piece.swept[i].magnitude()))
     }
 
     /// A sum of row `e`, with what the others weigh in it at most, whatever the piece.
@@ -89,10 +101,10 @@ impl<'a> Equations<'a> {
     /// The left side of the one equation on a piece. Mostly it is enough to know what the others weigh; where it is
     /// not, what is fed back on the piece is swept.
     fn value(&self, piece: &Piece) -> Interval {
-        let Arithmetic { unit, per_newton, .. } = self.arithmetic;
         let cable = self.cable();
-        let own = self.apart[cable] + 2.0 * unit * piece.force_n + per_newton * piece.left_n;
-        let rough = self.open(piece.sum[cable], own, |i| self.apart[i] + piece.sum[i].magnitude());
+        let apart = self.apart(piece);
+        let own = apart[cable];
+        let rough = self.open(piece.sum[cable], own, |i| apart[i] + piece.sum[i].magnitude());
         if rough.mignitude() > 0.0 {
             return rough;
         }
@@ -102,16 +114,16 @@ impl<'a> Equations<'a> {
 
     /// And its slope.
     fn slope(&self, piece: &Piece) -> Interval {
-        let Arithmetic { unit, tangent_units, .. } = &self.arithmetic;
         let cable = self.cable();
-        let own = unit * piece.slope_m;
-        let rough = self.open(piece.slope[cable], own, |i| piece.slope[i].magnitude());
+        let apart = self.arithmetic.unit * piece.slope_m;
+        let own = apart[cable];
+        let rough = self.open(piece.slope[cable], own, |i| apart[i] + piece.slope[i].magnitude());
         if rough.mignitude() > 0.0 {
             return rough;
         }
-        let right = self.others(|i| piece.swept_slope[i]);
-        let room = fed_back(&self.fed(piece), &right)
-            .map_or(f64::INFINITY, |y| self.row.dot(&y) + tangent_units.dot(&y));
+        let all = |i: usize| apart[i] + piece.ratio[i].abs() * own + piece.swept_slope[i];
+        let room = fed_back(&self.fed(piece), &self.others(all))
+            .map_or(f64::INFINITY, |y| self.row.dot(&y));
         piece.slope[cable] + Interval::symmetric((room + own) * UPWARDS)
     }
 
@@ -169,17 +181,13 @@ impl<'a> Equations<'a> {
     }
 
     /// How far the others move, N, with the eliminated cable on one of the pieces.
-    pub(super) fn moved(
-        &self,
-        pieces: &Range<usize>,
-        missed: &Vector6<Interval>,
-        rounding: &Vector6<f64>,
-    ) -> Option<Vector6<Interval>> {
-        let cable = self.cable();
+    pub(super) fn moved(&self, pieces: &Range<usize>) -> Option<Vector6<Interval>> {
+        let (cable, missed) = (self.cable(), &self.missed);
         let mut all: Option<Vector6<Interval>> = None;
         for piece in &self.course.pieces[pieces.clone()] {
             let fed = self.fed(piece);
             let turned = fed * self.bound(&fed, piece)?;
+            let rounding = self.arithmetic.on(piece);
             let here = Vector6::from_fn(|i, _| {
                 if i == cable {
                     return Interval::zero();
@@ -229,6 +237,12 @@ impl<'a> Columns<'a> {
         // Ten roundings of a sum of six products that is about 1 or 0, and of the matrix.
         let blur = inverse.sizes * middle.abs() * (16.0 * f64::EPSILON);
         self.blur.set_column(cable, &blur);
+    }
+
+    /// Adds what a controller rounds in a column.
+    pub(super) fn round(&mut self, cable: usize, rounding: &Vector6<f64>) {
+        let mut blur = self.blur.column_mut(cable);
+        blur += rounding;
     }
 
     /// Sets how it changes with each coordinate.

@@ -97,7 +97,7 @@ use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
 use super::sums::{Course, Inverse, Sums, UPWARDS, View};
 use crate::interval::Interval;
-use newton::{Errors, F32, F32_ELIMINATED, Missed};
+use newton::{Errors, Missed};
 
 /// Newton steps at the middle of a box, to find the solution there.
 const SETTLING_STEPS: usize = 30;
@@ -376,6 +376,7 @@ impl<'a> Frame<'a> {
                 *along,
             );
             columns.turn(i, &turning, patch);
+            columns.round(i, &self.column_rounding(i, &reach, heading.rate_n));
             courses[i] = Some((reach, heading));
         }
         Some(Tangents { courses, columns })
@@ -385,11 +386,11 @@ impl<'a> Frame<'a> {
     fn equations<'e>(
         &'e self,
         columns: &'e Columns,
-        apart: Vector6<f64>,
+        missed: Vector6<Interval>,
         arithmetic: Arithmetic,
     ) -> Equations<'e> {
         let fold_at_slack_end = self.view.seed.fold_at_slack_end;
-        Equations::new(columns, &self.course, fold_at_slack_end, apart, arithmetic)
+        Equations::new(columns, &self.course, fold_at_slack_end, missed, arithmetic)
     }
 
     /// The step from anywhere in `at`; `None` where it may not lead to one place, or not to the solutions as the right side
@@ -399,25 +400,14 @@ impl<'a> Frame<'a> {
         let tangents = self.tangents(at)?;
         let center = self.center.map(Interval::point);
         let errors = std::array::from_fn(|i| at[i] - center[i]);
-        let Missed { aside: missed, along } = self.missed(&tangents, at, &center, &errors)?;
-        let rounding = self.rounding(&tangents, self.course.at_center(), &errors);
-        let apart = missed.map(Interval::magnitude) + rounding;
-        let (per_newton, per_force) = (self.inverse.per_newton[cable], self.per_force.row(cable));
-        let eliminated = F32 * F32_ELIMINATED * per_newton * UPWARDS;
-        let unit = |i: usize| F32 * self.force_roundings(i) * per_force[i] * UPWARDS + eliminated;
-        // What is rounded in the tangents of the others.
-        let tangent_units = Vector6::from_fn(|i, _| {
-            let at = tangents.courses[i].as_ref();
-            let slope_n = at.map_or(0.0, |(at, _)| size(&at.by_chart_n).high());
-            unit(i) * slope_n / tangents.rate_n(i).low()
-        });
-        let arithmetic =
-            Arithmetic { unit: unit(cable), tangent_units, per_newton: per_force[cable] };
-        let equations = self.equations(&tangents.columns, apart, arithmetic);
+        let missed = self.missed(&tangents, at, &center, &errors)?;
+        let arithmetic = self.arithmetic(&tangents, &missed, &errors);
+        let Missed { aside, along } = missed;
+        let equations = self.equations(&tangents.columns, aside, arithmetic);
         let pieces = equations.pieces()?;
         equations.leads_to(&pieces).then_some(())?;
         equations.rise_on(&solutions.pieces).then_some(())?;
-        let moved = equations.moved(&pieces, &missed, &rounding)?;
+        let moved = equations.moved(&pieces)?;
         let to = std::array::from_fn(|i| {
             if i == cable {
                 return Interval::zero();
@@ -431,10 +421,9 @@ impl<'a> Frame<'a> {
     fn chords(&self, room: &[Interval; CABLES]) -> Option<Solutions> {
         let View { prover, sights, seed, .. } = self.view;
         let Tangents { columns, .. } = self.tangents(room)?;
-        let none = Vector6::zeros();
-        let equations = self.equations(&columns, none, Arithmetic::default());
+        let equations = self.equations(&columns, Vector6::zeros(), Arithmetic::default());
         let pieces = equations.pieces()?;
-        let moved = equations.moved(&pieces, &none.map(Interval::point), &none)?;
+        let moved = equations.moved(&pieces)?;
         let mut charts = self.center.map(Interval::point);
         for i in self.others() {
             let reached = |moved_n: f64| {
@@ -481,14 +470,14 @@ impl<'a> Frame<'a> {
             std::array::from_fn(|i| iterate[i] - solutions.charts[i]);
         for done in 1..=*steps {
             let stage = self.stage(&iterate, &solutions).ok_or(Gap::TooManySteps)?;
-            let Missed { aside: missed, along } = self
+            let missed = self
                 .missed(&stage.tangents, &iterate, &solutions.charts, &errors)
                 .ok_or(Gap::TooManySteps)?;
+            let arithmetic = self.arithmetic(&stage.tangents, &missed, &errors);
+            let Missed { aside, along } = missed;
             let (a, b) = (&stage.pieces, &solutions.pieces);
             let pieces = a.start.min(b.start)..a.end.max(b.end);
-            let rounding =
-                self.rounding(&stage.tangents, &self.course.pieces[pieces.clone()], &errors);
-            let after = self.errors(&stage.tangents.columns, pieces, &missed, &rounding, near_n);
+            let after = self.errors(&stage.tangents.columns, pieces, &aside, &arithmetic, near_n);
             let Errors { others_n: after_n, eliminated_n } = after.ok_or(Gap::TooManySteps)?;
             let rate = |i: usize| stage.tangents.rate_n(i).low();
             iterate = std::array::from_fn(|i| {

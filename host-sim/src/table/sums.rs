@@ -87,13 +87,6 @@ pub(super) struct Course {
     pub(super) middle: usize,
 }
 
-impl Course {
-    /// The piece that begins at the solution.
-    pub(super) fn at_center(&self) -> &[Piece] {
-        &self.pieces[self.middle..=self.middle]
-    }
-}
-
 /// `A (S(P, pc) + G F(q))` over a patch, and how it comes about.
 pub(super) struct Sums<'a> {
     view: &'a View<'a>,

@@ -7,8 +7,8 @@ use cdpr_core::CABLES;
 use nalgebra::{RowVector6, Vector6};
 use num_traits::Zero;
 
-use super::super::curve::{both, seen, size};
-use super::super::equations::{Columns, fed_back};
+use super::super::curve::{Reach, both, seen, size};
+use super::super::equations::{Arithmetic, Columns, fed_back};
 use super::super::sums::{Piece, UPWARDS, View};
 use super::{Frame, Tangents};
 use crate::interval::Interval;
@@ -27,9 +27,9 @@ const F32_WRENCH: f64 = 6.0;
 /// What is rounded in a matrix and in its elimination, as a component of the wrench: in units of the step, and of what
 /// is eliminated, which is the force of the eliminated cable and as much of the sum of all others.
 const F32_STEP: f64 = 36.0;
-pub(super) const F32_ELIMINATED: f64 = 18.0;
+const F32_ELIMINATED: f64 = 18.0;
 /// Unit in the last place of 1.
-pub(super) const F32: f64 = f32::EPSILON as f64;
+const F32: f64 = f32::EPSILON as f64;
 
 /// What tangents miss of curves.
 pub(super) struct Missed {
@@ -78,50 +78,55 @@ impl Frame<'_> {
         Some(Missed { aside: self.inverse.times(&aside_n), along })
     }
 
-    /// What the force of a cable is off by in f32, in units of it: on its curve, and by its plane.
-    pub(super) fn force_roundings(&self, cable: usize) -> f64 {
+    /// What is off in each row by newton of the force of a cable in f32: on its curve, by its plane, and as so many units
+    /// of a component of the wrench.
+    fn unit(&self, cable: usize, of_wrench: f64) -> Vector6<f64> {
         let View { prover, sights, .. } = self.view;
         let x_m = sights[cable].x_m;
-        F32_FORCE + F32_PLANE * (prover.size_m + x_m.high()) * 2.0 / x_m.low()
+        let of_force = F32_FORCE + F32_PLANE * (prover.size_m + x_m.high()) * 2.0 / x_m.low();
+        let all = self.per_force.column(cable) * of_force + self.inverse.per_newton * of_wrench;
+        all * (F32 * UPWARDS)
     }
 
-    /// What arithmetic in f32 may add in a step from there with these errors, and the end of the search.
-    pub(super) fn rounding(
+    /// What a column of the matrix of a step is off by: in its elimination, too.
+    pub(super) fn column_rounding(
+        &self,
+        cable: usize,
+        at: &Reach,
+        rate_n: Interval,
+    ) -> Vector6<f64> {
+        self.unit(cable, F32_STEP) * (size(&at.by_chart_n).high() / rate_n.low() * UPWARDS)
+    }
+
+    /// What arithmetic in f32 adds to a step from there that misses so much, with these errors. What is off of its matrix
+    /// counts here for the step along the tangents, and in the [`Columns`] for all beyond.
+    pub(super) fn arithmetic(
         &self,
         from: &Tangents,
-        eliminated: &[Piece],
+        missed: &Missed,
         errors: &[Interval; CABLES],
-    ) -> Vector6<f64> {
-        let most = |size: fn(&Piece) -> f64| eliminated.iter().map(size).fold(0.0, f64::max);
-        let mut wrench_n = 0.0;
-        let mut rounding = Vector6::zeros();
-        for i in 0..CABLES {
-            let roundings = F32 * self.force_roundings(i);
-            let off_n = if let Some((at, _)) = &from.courses[i] {
-                // The step is about as long as the error, and its matrix is rounded, too.
-                let step_n = size(&at.by_chart_n).high() * errors[i].magnitude() * 4.0;
-                let force_n = size(&at.force_n).high();
-                wrench_n += F32 * (F32_WRENCH * force_n + F32_STEP * step_n);
-                roundings * (force_n + step_n)
-            } else {
-                // What its last step along the curve leaves out is of the size of a rounding.
-                let force_n = 2.0 * most(|piece| piece.force_n);
-                wrench_n += F32 * F32_ELIMINATED * force_n;
-                roundings * force_n + most(|piece| piece.left_n)
-            };
-            rounding += self.per_force.column(i) * off_n;
+    ) -> Arithmetic {
+        let cable = self.view.seed.eliminated;
+        let mut others = Vector6::zeros();
+        for i in self.others() {
+            let Some((at, _)) = &from.courses[i] else { continue };
+            let step = missed.along[i].magnitude() + errors[i].magnitude();
+            let step_n = size(&at.by_chart_n).high() * step;
+            let force_n = size(&at.force_n).high();
+            others += self.unit(i, F32_WRENCH) * force_n + self.unit(i, F32_STEP) * step_n;
         }
-        (rounding + self.inverse.per_newton * wrench_n) * UPWARDS
+        let unit = self.unit(cable, F32_ELIMINATED);
+        Arithmetic { others, unit, per_newton: self.per_force.column(cable).into_owned() }
     }
 
-    /// The errors after a step, from what the tangents miss, with solution and step on any of some pieces. What is
-    /// eliminated is not told apart further where it is `small_n`.
+    /// The errors after a step, from what the tangents miss across them, with solution and step on any of some pieces. What
+    /// is eliminated is not told apart further where it is `small_n`.
     pub(super) fn errors(
         &self,
         columns: &Columns,
         all: Range<usize>,
         missed: &Vector6<Interval>,
-        rounding: &Vector6<f64>,
+        arithmetic: &Arithmetic,
         small_n: f64,
     ) -> Option<Errors> {
         let cable = self.view.seed.eliminated;
@@ -133,7 +138,12 @@ impl Frame<'_> {
             numbers.map(|number| pieces[number].rise_n).sum::<f64>() / UPWARDS
         };
         let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
-        let on = |pieces| self.errors_on((columns, &row), pieces, missed, rounding);
+        let on = |numbers: Range<usize>| {
+            let pieces = &pieces[numbers];
+            let roundings = pieces.iter().map(|piece| arithmetic.on(piece));
+            let rounding = roundings.fold(Vector6::zeros(), |most, next| most.sup(&next)) * UPWARDS;
+            self.errors_on((columns, &row), pieces, missed, &rounding)
+        };
         let whole = on(all.clone()).map(|(errors, _)| errors);
         if whole.is_some_and(|errors| errors.eliminated_n < small_n) {
             return whole;
@@ -171,11 +181,10 @@ impl Frame<'_> {
     fn errors_on(
         &self,
         (columns, row): (&Columns, &RowVector6<f64>),
-        pieces: Range<usize>,
+        pieces: &[Piece],
         missed: &Vector6<Interval>,
         rounding: &Vector6<f64>,
     ) -> Option<(Errors, f64)> {
-        let pieces = &self.course.pieces[pieces];
         let cable = self.view.seed.eliminated;
         let most = |size: &dyn Fn(&Piece) -> f64| {
             let ratios = pieces.iter().map(|piece| size(piece) / piece.slope[cable].low());
