@@ -99,6 +99,16 @@ impl Heading {
         is_known.then_some(Self { direction: *direction, rate_n, slant, bend })
     }
 
+    /// That of a curve as it stands, along its direction in the middle.
+    pub(super) fn at(hung: &Hung<Interval>) -> Option<Self> {
+        let direction = direction(&-hung.heading_m);
+        let (rate_n, _) = seen(&hung.force_by_chart_n, &direction);
+        let (along_m, across_m) = seen(&-hung.heading_m, &direction);
+        let slant = across_m / along_m;
+        let is_on = rate_n.low() > 0.0 && along_m.low() > 0.0 && slant.is_bounded();
+        is_on.then_some(Self { direction, rate_n, slant, bend: Interval::zero() })
+    }
+
     fn hull(&self, other: &Self) -> Self {
         Self {
             direction: self.direction,
@@ -108,6 +118,11 @@ impl Heading {
         }
     }
 
+    /// Whether the slant over a range is known so well at once that parts of it tell no more.
+    fn is_straight(&self, chart: Interval) -> bool {
+        self.bend.radius() * chart.radius() <= STRAIGHT
+    }
+
     /// The direction with a slant.
     pub(super) fn vector(&self, slant: Interval) -> Vector2<Interval> {
         self.direction.map(Interval::point) + self.across(slant)
@@ -115,8 +130,29 @@ impl Heading {
 
     /// So much of the direction across.
     pub(super) fn across(&self, size: Interval) -> Vector2<Interval> {
-        Vector2::new(-self.direction.y, self.direction.x).map(|c| Interval::point(c) * size)
+        across(&self.direction).map(|c| Interval::point(c) * size)
     }
+}
+
+/// A short range of a curve, over a patch of poses and at the middle of it.
+pub(super) struct Fine {
+    pub(super) reach: Reach,
+    pub(super) heading: Heading,
+    /// How the tangents change with the end of the cable in `x` and in `z`, per metre.
+    pub(super) turn: [Vector2<Interval>; 2],
+    /// Rate and slant at the middle.
+    pub(super) rate_here_n: Interval,
+    pub(super) slant_here: Interval,
+}
+
+/// The direction across another.
+pub(super) fn across(direction: &Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-direction.y, direction.x)
+}
+
+/// The direction in the middle of a vector.
+pub(super) fn direction(v: &Vector2<Interval>) -> Vector2<f64> {
+    v.map(Interval::middle).normalize()
 }
 
 /// What a vector is along a direction of unit length, and across it.
@@ -149,26 +185,85 @@ impl Curves {
         chart: Interval,
         direction: &Vector2<f64>,
     ) -> Option<(Reach, Heading)> {
-        let at_once = |chart| {
-            let (reach, tangent) = self.reach(i, sight, chart, &self.hung_at(i, sight, chart)?)?;
-            let heading = Heading::of(&reach, &tangent, chart, direction)?;
-            Some((reach, heading))
-        };
-        if let Some((reach, heading)) = at_once(chart)
+        if let Some((reach, heading)) = self.headed(i, sight, chart, direction)
             && is_known(chart, &reach.bend_n, &reach.by_chart_n)
-            && heading.bend.radius() * chart.radius() <= STRAIGHT
+            && heading.is_straight(chart)
         {
             return Some((reach, heading));
         }
         let mut all: Option<(Reach, Heading)> = None;
         for part in parts(chart) {
-            let (reach, heading) = at_once(part)?;
+            let (reach, heading) = self.headed(i, sight, part, direction)?;
             all = Some(match all {
                 None => (reach, heading),
                 Some(all) => (all.0.hull(&reach), all.1.hull(&heading)),
             });
         }
         all
+    }
+
+    /// One cable over a range of its coordinate at once.
+    fn headed(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+        direction: &Vector2<f64>,
+    ) -> Option<(Reach, Heading)> {
+        let (reach, tangent) = self.reach(i, sight, chart, &self.hung_at(i, sight, chart)?)?;
+        let heading = Heading::of(&reach, &tangent, chart, direction)?;
+        Some((reach, heading))
+    }
+
+    /// By how much the slant of a chord from a coordinate to any of a range differs from that of the tangent where it
+    /// begins: the slants along it in the mean.
+    pub(super) fn chord(
+        &self,
+        i: usize,
+        sight: &Sight,
+        from: f64,
+        to: Interval,
+        direction: &Vector2<f64>,
+    ) -> Option<Interval> {
+        let headed = |chart| Some(self.headed(i, sight, chart, direction)?.1);
+        let mut all = Interval::zero();
+        for (end, way) in [(to.low(), -1.0), (to.high(), 1.0)] {
+            if (end - from) * way <= 0.0 {
+                continue;
+            }
+            let whole = Interval::new(from.min(end), from.max(end));
+            let mut parts: Vec<Interval> = match headed(whole) {
+                Some(heading) if heading.is_straight(whole) => vec![whole],
+                _ => parts(whole).collect(),
+            };
+            if way < 0.0 {
+                parts.reverse();
+            }
+            // Up to a part: the mean, the slant, and how far along the force has got.
+            let mut mean = Interval::zero();
+            let mut slant = Interval::zero();
+            let mut along_n = Interval::zero();
+            for part in parts {
+                let heading = headed(part)?;
+                let length = 2.0 * part.radius() * (1.0 + ROUNDING);
+                let turned = heading.bend * Interval::point(way * length);
+                let over = slant + turned.hull(Interval::zero());
+                // The mean over the part, or some of it, has a share in that over all.
+                let gained_n = heading.rate_n * Interval::point(length);
+                let most = (1.0 + ROUNDING) / (1.0 + along_n.low() / gained_n.high());
+                let least = (1.0 - ROUNDING) / (1.0 + along_n.high() / gained_n.low());
+                let mixed = |share: f64| {
+                    mean * Interval::point(1.0 - share) + over * Interval::point(share)
+                };
+                let (most, least) = (mixed(most.min(1.0)), mixed(least));
+                all = all.hull(mean).hull(most);
+                mean = most.hull(least);
+                slant += turned;
+                along_n += gained_n;
+            }
+            all = all.hull(mean);
+        }
+        Some(all)
     }
 
     /// How a tangent, seen along its heading, changes with the end of the cable in `x` and in `z`, per metre.
@@ -179,9 +274,18 @@ impl Curves {
         chart: Interval,
         heading: &Heading,
     ) -> Option<[Vector2<Interval>; 2]> {
-        let at = self.hung_at(i, sight, chart)?;
+        self.turned(i, sight, &self.hung_at(i, sight, chart)?, heading)
+    }
+
+    fn turned(
+        &self,
+        i: usize,
+        sight: &Sight,
+        at: &At,
+        heading: &Heading,
+    ) -> Option<[Vector2<Interval>; 2]> {
         let (along_m, _) = seen(&-at.hung.heading_m, &heading.direction);
-        let turned = self.tangent_by_end(i, sight, &at)?.map(|by_end| {
+        let turned = self.tangent_by_end(i, sight, at)?.map(|by_end| {
             let (along, across) = seen(&by_end, &heading.direction);
             (across - heading.slant * along) / along_m
         });
@@ -247,16 +351,29 @@ impl Curves {
         None
     }
 
-    /// One cable over a range of its coordinate, and how its tangents change with the end of the cable in `x` and in `z`.
-    pub(super) fn turning_reach(
+    /// One cable over a short range of its coordinate, seen along its direction there: over a patch, and `here`, at the
+    /// middle of it. `None` where it may turn back.
+    pub(super) fn fine(
         &self,
         i: usize,
         sight: &Sight,
+        here: &Sight,
         chart: Interval,
-    ) -> Option<(Reach, Tangent, [Vector2<Interval>; 2])> {
+    ) -> Option<Fine> {
         let at = self.hung_at(i, sight, chart)?;
         let (reach, tangent) = self.reach(i, sight, chart, &at)?;
-        Some((reach, tangent, self.tangent_by_end(i, sight, &at)?))
+        let direction = direction(&tangent.middle_m);
+        let heading = Heading::of(&reach, &tangent, chart, &direction)?;
+        let turn = self.turned(i, sight, &at, &heading)?;
+        // By the mean value theorem.
+        let half = Interval::symmetric(chart.radius());
+        let middle = self.hung(i, here, Interval::point(chart.middle()))?;
+        let (rate_n, _) = seen(&(middle.force_by_chart_n + reach.bend_n * half), &direction);
+        let (along_m, across_m) = seen(&-middle.heading_m, &direction);
+        let slant = across_m / along_m + heading.bend * half;
+        let rate_here_n = heading.rate_n.intersection(rate_n)?;
+        let slant_here = heading.slant.intersection(slant)?;
+        Some(Fine { reach, heading, turn, rate_here_n, slant_here })
     }
 
     fn reach(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<(Reach, Tangent)> {
@@ -280,27 +397,6 @@ impl Curves {
         let is_known = known.iter().chain(&by_end_n).all(|v| size(v).is_bounded());
         let reach = Reach { force_n, by_chart_n, bend_n, by_end_n };
         is_known.then_some((reach, Tangent { at_m, bend_m, middle_m }))
-    }
-
-    /// Only first derivative and tangents at other poses of those over which it is known how these change with the
-    /// coordinate.
-    pub(super) fn slope(
-        &self,
-        i: usize,
-        sight: &Sight,
-        chart: Interval,
-        bend_n: &Vector2<Interval>,
-        bend_m: &Vector2<Interval>,
-    ) -> Option<[Vector2<Interval>; 2]> {
-        let half = Interval::symmetric(chart.radius());
-        let middle = self.hung(i, sight, Interval::point(chart.middle()))?;
-        let near_n = middle.force_by_chart_n + bend_n * half;
-        let near_m = bend_m * half - middle.heading_m;
-        if is_known(chart, bend_n, &middle.force_by_chart_n) {
-            return Some([near_n, near_m]);
-        }
-        let all = self.hung(i, sight, chart)?;
-        Some([both(&all.force_by_chart_n, &near_n)?, both(&-all.heading_m, &near_m)?])
     }
 
     /// The curve over a range of its coordinate.
@@ -382,105 +478,4 @@ pub(super) fn size(v: &Vector2<Interval>) -> Interval {
 }
 
 #[cfg(test)]
-mod tests {
-    use rand::rngs::ChaCha8Rng;
-    use rand::{RngExt as _, SeedableRng as _};
-
-    use super::super::place::{Point, PoseBox};
-    use super::super::proof::Prover;
-    use super::*;
-    use crate::robot_file::RobotDescription;
-
-    /// Whatever a cable is at a pose of a box and a coordinate of a range is in what is said of both, and how tightly a
-    /// taut cable is known to go straight on does not depend on how large they are.
-    #[test]
-    fn courses_hold_every_cable() {
-        let description = RobotDescription::marionet_crane();
-        let request = crate::enumerate::Request {
-            robot: description.clone(),
-            position_m: [2.0, 7.0, 2.5],
-            rotation_vector_rad: [0.0; 3],
-            model: crate::enumerate::ModelKind::Irvine,
-        };
-        let robot = request.problem::<Model>().expect("a problem").robot;
-        let prover = Prover::new(&robot, &description.load);
-        let curves = &prover.curves;
-        let (mut all, mut straight) = (0, 0);
-        for seed in 0..300 {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
-            let low: Point = [
-                random.random_range(0.0..4.0),
-                random.random_range(4.0..12.0),
-                random.random_range(1.0..4.0),
-                random.random_range(-0.1..0.1),
-                random.random_range(-0.1..0.1),
-                random.random_range(-0.1..0.1),
-            ];
-            let high = low.map(|low| low + random.random_range(0.0..0.1));
-            let (poses, cable) = (PoseBox { low, high }, random.random_range(0..CABLES));
-            let from: f64 = random.random_range(-8.0..8.0);
-            let from = from * from.abs();
-            let chart =
-                Interval::new(from, from + random.random_range(0.0..0.5) * (1.0 + from.abs()));
-            let (sights, _) = prover.likeness.look(&poses).expect("no cable is vertical");
-            let plane = |at: &Point| prover.balance(at).expect("a balance").planes()[cable];
-            let hung = |at: &Point, chart: f64| {
-                let (plane, model) = (plane(at), &robot.cables()[cable].model);
-                model.hang(plane.x_m, plane.z_m, chart)
-            };
-            let direction = hung(&poses.middle(), chart.middle()).force_by_chart_n.normalize();
-            let across = Vector2::new(-direction.y, direction.x);
-            let Some((reach, heading)) = curves.course(cable, &sights[cable], chart, &direction)
-            else {
-                continue;
-            };
-            let turn = curves.turn(cable, &sights[cable], chart, &heading).expect("known");
-            all += 1;
-            let pose =
-                |random: &mut ChaCha8Rng| poses.at(&std::array::from_fn(|_| random.random()));
-            for _ in 0..20 {
-                let (at, other) = (pose(&mut random), pose(&mut random));
-                let [p, u] = [0, 1].map(|_| random.random_range(chart.low()..=chart.high()));
-                let here = hung(&at, p);
-                let near = |of: Interval, value: f64, size: f64| {
-                    (Interval::symmetric(1e-9 * size) + of).contains(value)
-                };
-                let slant = |at: &Point, chart: f64| {
-                    let tangent_n = hung(at, chart).force_by_chart_n;
-                    across.dot(&tangent_n) / direction.dot(&tangent_n)
-                };
-                for k in 0..2 {
-                    assert!(near(reach.force_n[k], here.state.force_n[k], 1e3), "{seed}");
-                    assert!(near(reach.by_chart_n[k], here.force_by_chart_n[k], 1e3), "{seed}");
-                }
-                assert!(near(heading.slant, slant(&at, p), 1.0), "{seed}");
-                // How it turns, as the mean of a way.
-                let turned = slant(&at, u) - slant(&at, p);
-                let bound = heading.bend * Interval::point(u - p);
-                assert!(near(bound, turned, 1.0), "{seed}: {turned} {bound:?}");
-                let moved = slant(&other, p) - slant(&at, p);
-                let [a, b] = [plane(&other), plane(&at)];
-                let bound = [a.x_m - b.x_m, a.z_m - b.z_m]
-                    .iter()
-                    .zip(&turn)
-                    .fold(Interval::zero(), |sum, (far, turn)| {
-                        sum + seen(turn, &direction).1 * Interval::point(*far)
-                    });
-                assert!(near(bound, moved, 1.0), "{seed}: {moved} {bound:?}");
-                // What a tangent misses across.
-                let missed_n = hung(&at, u).state.force_n - here.state.force_n;
-                let missed_n = across.dot(&missed_n) - slant(&at, p) * direction.dot(&missed_n);
-                let half_square = Interval::point(0.5 * (u - p) * (u - p));
-                let bound = heading.rate_n * heading.bend * half_square;
-                assert!(near(bound, missed_n, 1e3), "{seed}: {missed_n} {bound:?}");
-            }
-            if chart.high() < -25.0 {
-                // The mean tension rises by hundreds of newtons, and the direction by a part of that.
-                straight += 1;
-                let turns = heading.bend.magnitude() * (chart.high() - chart.low());
-                assert!(turns < 5e-3, "{seed}: {turns} over {chart:?}");
-            }
-        }
-        assert!(all > 200 && straight > 20, "{all} {straight}");
-    }
-}
+mod tests;

@@ -35,17 +35,19 @@
 //! `S(P, pc)` is enclosed by the mean value theorem over the pose. The curve of `e` is walked in short pieces; the
 //! second line, with `|y|` bounded by the first, tells on which of them `q` may be, with what sign the left side
 //! leaves zero on both sides, and that its slope `det` is of the right sign there. (On a piece the first lines are used
-//! less multiples of the second. What is shown to be no zero with `K` and `R` is none with `t K` and `t R` either, for
-//! `t` from 0 to 1, nor is `det (1 + t K)`, so that the signs are those of `t = 0`.) So `q` is found by any search that
-//! goes by these signs, however sharp the bend, and the first line bounds the others.
+//! less multiples of the second: those with which they do not depend on where on the piece `q` is, or those with which
+//! nothing is left of them in the middle. What is shown to be no zero with `K` and `R` is none with `t K` and `t R`
+//! either, for `t` from 0 to 1, nor is `det (1 + t K)`, so that the signs are those of `t = 0`.) So `q` is found by any
+//! search that goes by these signs, however sharp the bend, and the first line bounds the others.
 //!
 //! # The solution
 //!
 //! Along a chord of its curve the force of a cable changes by `F_i(p_i) - F_i(pc_i) = y_i (d_i + t_i n_i)`, where `t_i` is
-//! a mean of the slants in between. So a solution obeys the equations of a step with `R = 0`, in which only slants are
-//! left of the curves. From any coordinates in a box they lead to some `y`; where that is never beyond the chords within
-//! the box there is a solution in it for every pose (Brouwer). It is the only one, as what is between two of them obeys
-//! the same equations with nothing on the right, where `det` is of one sign on all pieces.
+//! a mean of the slants in between: of a curve that bends sharply at its end, far less than there. So a solution obeys the
+//! equations of a step with `R = 0`, in which only slants are left of the curves. From any coordinates in a box they lead
+//! to some `y`; where that is never beyond the chords within the box there is a solution in it for every pose (Brouwer).
+//! It is the only one if `det` is of one sign on all pieces for the chords between any two, whose slants are among those
+//! of all tangents there: what is between two solutions obeys the same equations with nothing on the right.
 //!
 //! # Newton's method
 //!
@@ -61,16 +63,21 @@
 //! nothing to what it is, `q` would go from `q*` to where it is, on pieces on which row `e` rises; while it is on pieces
 //! near `q*` the bound is that of these; and if by that it does not come to their ends, it never leaves them.
 //!
-//! `a` and `b` are enclosed twice: as they stand, and by `F_i''` and by how the direction of `F_i'` turns over all that
-//! lies between iterate and solution. Beginning with the seed this gives a box for each iterate, to which is added what
-//! arithmetic in f32 may do (as what it changes in the equations): forces are off as vectors at the attachments, which
-//! the rows of `A` weigh far less than the components of a wrench; these are for sums and eliminations.
+//! `a` and `b` are enclosed thrice: as they stand; by `F_i''` and how fast the direction of `F_i'` turns over all that lies
+//! between iterate and solution; and by how far both change over it at most, where they change most at its end. Beginning
+//! with the seed this gives a box for each iterate, to which is added what arithmetic in f32 may do (as what it changes in
+//! the equations): forces are off as vectors at the attachments, which the rows of `A` weigh far less than the components
+//! of a wrench; these are for sums and eliminations.
 //!
 //! # Poses
 //!
 //! What changes with the pose, which is the sum `S(P, pc)`, the matrix `M` and the slope of the eliminated cable, is
 //! enclosed by the mean value theorem: as at the middle of the patch, and for each coordinate a derivative, summed over
 //! the cables and multiplied with `A` before its size is taken. A turn that is hardly any is enclosed as it stands.
+//!
+//! To first order in the pose it is known how `K` turns and how the others move, `y = -C (P - Pc)`. So what the one makes
+//! of the other is a quadratic form, of which each coefficient is a sum over the cables, much of which cancels. Only what
+//! `y` is off by besides is multiplied with a bound on `K`.
 //!
 //! # Folds
 //!
@@ -91,8 +98,8 @@ use nalgebra::{Matrix6, Vector2, Vector6};
 use num_traits::{One, Zero};
 
 use super::Model;
-use super::curve::{Curves, Heading, Reach, size};
-use super::equations::{Arithmetic, Columns, Equations};
+use super::curve::{Curves, Heading, Reach, across, size};
+use super::equations::{Across, Arithmetic, Aside, Columns, Equations};
 use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
 use super::sums::{Course, Inverse, Sums, UPWARDS, View};
@@ -282,11 +289,12 @@ struct Frame<'a> {
     inverse: Inverse,
     per_force: Matrix6<f64>,
     /// The curve of the eliminated cable.
-    course: Course,
+    course: Course<'a>,
     /// How the sum changes with the pose there.
     by_pose: [Vector6<f64>; COORDINATES],
-    /// Directions of the tangents there.
+    /// Directions of the tangents there, and what is across them, for all of the patch.
     directions: [Vector2<f64>; CABLES],
+    across: Across,
 }
 
 /// The curves of five cables over a box of coordinates.
@@ -334,15 +342,24 @@ impl<'a> Frame<'a> {
         let per_force = Matrix6::from_fn(|row, i| {
             view.sights[i].per_newton(&inverse.matrix.row(row).transpose())
         });
+        let directions = at_center.points.map(|point| point.force_by_chart_n.normalize());
+        let mut aside = Across { middle: Matrix6::zeros(), radius: Matrix6::zeros() };
+        for (i, direction) in directions.iter().enumerate() {
+            let wrench_n = view.sights[i].wrench_n(&across(direction).map(Interval::point));
+            let (middle, radius) = inverse.ball(&wrench_n);
+            aside.middle.set_column(i, &middle);
+            aside.radius.set_column(i, &radius);
+        }
         Some(Self {
             view,
             per_force,
             center: *center,
             sights,
+            across: aside,
             inverse,
             course,
             by_pose,
-            directions: at_center.points.map(|point| point.force_by_chart_n.normalize()),
+            directions,
         })
     }
 
@@ -359,38 +376,80 @@ impl<'a> Frame<'a> {
 
     /// The curves of five cables at `at`, and their tangents.
     fn tangents(&self, at: &[Interval; CABLES]) -> Option<Tangents<'_>> {
-        let View { prover, patch, sights, along, seed, .. } = self.view;
+        let View { prover, sights, along, seed, .. } = self.view;
         let mut courses = std::array::from_fn(|_| None);
         let mut columns = Columns::new(&self.inverse, seed.eliminated, *along);
         for i in self.others() {
             let direction = &self.directions[i];
             let (reach, heading) = prover.curves.course(i, &sights[i], at[i], direction)?;
             let (_, at_middle) = prover.curves.course(i, &self.sights[i], at[i], direction)?;
-            let tangent = heading.vector(at_middle.slant);
-            columns.set(i, &self.sights[i].wrench_n(&tangent));
-            let mut turning = [Vector6::zeros(); COORDINATES];
-            sights[i].add_moved(
-                &mut turning,
-                &heading.vector(heading.slant),
-                &prover.curves.turn(i, &sights[i], at[i], &heading)?,
-                *along,
-            );
-            columns.turn(i, &turning, patch);
+            self.set(&mut columns, (i, at[i]), &heading, (at_middle.slant, Interval::zero()))?;
             columns.round(i, &self.column_rounding(i, &reach, heading.rate_n));
             courses[i] = Some((reach, heading));
         }
         Some(Tangents { courses, columns })
     }
 
+    /// The columns of chords from the center to anywhere in `room`.
+    fn chords(&self, room: &[Interval; CABLES]) -> Option<Columns<'_>> {
+        let View { prover, sights, along, seed, .. } = self.view;
+        let mut columns = Columns::new(&self.inverse, seed.eliminated, *along);
+        for i in self.others() {
+            let direction = &self.directions[i];
+            let course = |sight, at| Some(prover.curves.course(i, sight, at, direction)?.1);
+            let (center, here) = (Interval::point(self.center[i]), &self.sights[i]);
+            let turned = prover.curves.chord(i, &sights[i], self.center[i], room[i], direction)?;
+            let slant = (course(here, center)?.slant, turned);
+            self.set(&mut columns, (i, center), &course(&sights[i], center)?, slant)?;
+        }
+        Some(columns)
+    }
+
+    /// Sets the column of a cable that is heading so at a coordinate over the patch, with its slant at the middle of it, and
+    /// what is to be added to both.
+    fn set(
+        &self,
+        columns: &mut Columns,
+        (cable, at): (usize, Interval),
+        heading: &Heading,
+        (here, more): (Interval, Interval),
+    ) -> Option<()> {
+        let View { prover, patch, sights, along, .. } = self.view;
+        let slant = here + more;
+        let middle = heading.vector(Interval::point(slant.middle()));
+        let wrench_n = self.sights[cable].wrench_n(&middle);
+        columns.set(cable, &wrench_n, (&self.across, slant.radius()));
+        let mut turning = [Vector6::zeros(); COORDINATES];
+        sights[cable].add_moved(
+            &mut turning,
+            &heading.vector(heading.slant + more),
+            &prover.curves.turn(cable, &sights[cable], at, heading)?,
+            *along,
+        );
+        columns.turn(cable, &turning, patch);
+        Some(())
+    }
+
     /// What a step obeys with these tangents, right sides and roundings.
     fn equations<'e>(
         &'e self,
         columns: &'e Columns,
-        missed: Vector6<Interval>,
+        aside_n: [Interval; CABLES],
         arithmetic: Arithmetic,
     ) -> Equations<'e> {
+        let missed = self.aside(aside_n);
         let fold_at_slack_end = self.view.seed.fold_at_slack_end;
         Equations::new(columns, &self.course, fold_at_slack_end, missed, arithmetic)
+    }
+
+    /// What chords obey, which miss nothing, without any rounding.
+    fn exact<'e>(&'e self, columns: &'e Columns) -> Equations<'e> {
+        self.equations(columns, [Interval::zero(); CABLES], Arithmetic::default())
+    }
+
+    /// What tangents miss across them.
+    fn aside(&self, by_cable_n: [Interval; CABLES]) -> Aside<'_> {
+        Aside { by_cable_n, across: &self.across }
     }
 
     /// The step from anywhere in `at`; `None` where it may not lead to one place, or not to the solutions as the right side
@@ -402,8 +461,8 @@ impl<'a> Frame<'a> {
         let errors = std::array::from_fn(|i| at[i] - center[i]);
         let missed = self.missed(&tangents, at, &center, &errors)?;
         let arithmetic = self.arithmetic(&tangents, &missed, &errors);
-        let Missed { aside, along } = missed;
-        let equations = self.equations(&tangents.columns, aside, arithmetic);
+        let Missed { aside_n, along } = missed;
+        let equations = self.equations(&tangents.columns, aside_n, arithmetic);
         let pieces = equations.pieces()?;
         equations.leads_to(&pieces).then_some(())?;
         equations.rise_on(&solutions.pieces).then_some(())?;
@@ -418,10 +477,10 @@ impl<'a> Frame<'a> {
     }
 
     /// The solutions that are on the chords from the center to anywhere in `room`.
-    fn chords(&self, room: &[Interval; CABLES]) -> Option<Solutions> {
+    fn found(&self, room: &[Interval; CABLES]) -> Option<Solutions> {
         let View { prover, sights, seed, .. } = self.view;
-        let Tangents { columns, .. } = self.tangents(room)?;
-        let equations = self.equations(&columns, Vector6::zeros(), Arithmetic::default());
+        let columns = self.chords(room)?;
+        let equations = self.exact(&columns);
         let pieces = equations.pieces()?;
         let moved = equations.moved(&pieces)?;
         let mut charts = self.center.map(Interval::point);
@@ -438,13 +497,14 @@ impl<'a> Frame<'a> {
         Some(Solutions { charts, pieces })
     }
 
-    /// The solutions of the patch.
+    /// The solutions of the patch, one for each pose.
     fn solutions(&self) -> Option<Solutions> {
         let mut room = self.center.map(Interval::point);
         for attempt in 0..=ROOM_ATTEMPTS {
-            let found = self.chords(&room)?;
+            let found = self.found(&room)?;
             if attempt > 0 && self.others().all(|i| found.charts[i].is_inside(room[i])) {
-                return Some(found);
+                let Tangents { columns, .. } = self.tangents(&found.charts)?;
+                return self.exact(&columns).rise_on(&found.pieces).then_some(found);
             }
             room = found
                 .charts
@@ -474,7 +534,8 @@ impl<'a> Frame<'a> {
                 .missed(&stage.tangents, &iterate, &solutions.charts, &errors)
                 .ok_or(Gap::TooManySteps)?;
             let arithmetic = self.arithmetic(&stage.tangents, &missed, &errors);
-            let Missed { aside, along } = missed;
+            let Missed { aside_n, along } = missed;
+            let aside = self.aside(aside_n);
             let (a, b) = (&stage.pieces, &solutions.pieces);
             let pieces = a.start.min(b.start)..a.end.max(b.end);
             let after = self.errors(&stage.tangents.columns, pieces, &aside, &arithmetic, near_n);

@@ -1,14 +1,17 @@
 //! What the equations sum to over a patch of poses, along the curve of the eliminated cable: see
 //! [`proof`](super::proof) for what is made of it.
 
+use std::cell::OnceCell;
+
 use cdpr_core::CABLES;
 use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Start};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
+use num_traits::Zero;
 
-use super::curve::{size, stretch};
+use super::curve::{Fine, Heading, size, stretch};
 use super::patch::Patch;
 use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
@@ -55,42 +58,141 @@ impl<'a> View<'a> {
     }
 }
 
-/// A piece of the curve of the eliminated cable, for all poses of a patch.
-pub(super) struct Piece {
-    /// `A (S(P, pc) + G F(q))`.
-    pub(super) sum: Vector6<Interval>,
-    /// `A G F'(q)`, by the force density of the cable, m.
-    pub(super) slope: Vector6<Interval>,
-    /// `|F|` at most, N, and `|F'|`, m.
+/// A sum for all poses of a patch, with row `e` times factors taken from each other row.
+pub(super) struct Swept {
+    /// These factors; none for row `e` itself.
+    pub(super) ratio: Vector6<f64>,
+    pub(super) all: Vector6<Interval>,
+    /// How far it moves with each coordinate of the pose at most, and what remains of it without that.
+    pub(super) moved: [Vector6<f64>; COORDINATES],
+    pub(super) still: Vector6<Interval>,
+}
+
+/// What the equations sum to, `A (S(P, pc) + G F(q))`, for all poses of a patch, with `q` anywhere on a piece of the curve of
+/// the eliminated cable, or at an end of one.
+pub(super) struct Sum {
+    pub(super) rows: Vector6<Interval>,
+    /// `|F|` at most, N.
     pub(super) force_n: f64,
-    pub(super) slope_m: f64,
-    /// What row `e` of the sum rises by from one end to the other at least, N.
-    pub(super) rise_n: f64,
     /// What the search for a crossing may leave out at its end, N.
     pub(super) left_n: f64,
-    /// Row `e` times these factors is taken from each other row, so that the slope is about zero there.
-    pub(super) ratio: Vector6<f64>,
-    /// The sum after that.
-    pub(super) swept: Vector6<Interval>,
-    /// The slope after that, sizes.
-    pub(super) swept_slope: Vector6<f64>,
+    /// How it comes about.
+    linear: Linear,
+    cleared: OnceCell<Box<Swept>>,
+}
+
+/// A piece of that curve.
+pub(super) struct Piece {
+    pub(super) sum: Sum,
+    /// `A G F'(q)`, of tangents that are of length 1 along their direction in the middle, and how long these are at most.
+    pub(super) slope: Vector6<Interval>,
+    pub(super) tangent: f64,
+    /// What row `e` of the sum rises by from one end to the other at least, N.
+    pub(super) rise_n: f64,
+    /// How the slope comes about.
+    linear: Linear,
+    swept: OnceCell<Box<Swept>>,
+    swept_slope: OnceCell<Box<Swept>>,
+}
+
+impl Sum {
+    fn new(
+        chart: Interval,
+        rows: Vector6<Interval>,
+        linear: Linear,
+        force_n: &Vector2<Interval>,
+        by_chart_n: &Vector2<Interval>,
+    ) -> Self {
+        let slope_n = size(by_chart_n).high();
+        Self {
+            rows,
+            force_n: size(force_n).high(),
+            left_n: slope_n * (1.0 + chart.magnitude()) * (CROSSING_WIDTH * UPWARDS),
+            linear,
+            cleared: OnceCell::new(),
+        }
+    }
+}
+
+impl Piece {
+    fn new(
+        cable: usize,
+        chart: Interval,
+        sum: Sum,
+        heading: &Heading,
+        slope: Vector6<Interval>,
+        linear: Linear,
+    ) -> Self {
+        let moved_n = heading.rate_n.low() * (chart.high() - chart.low());
+        Self {
+            sum,
+            tangent: size(&heading.vector(heading.slant)).high(),
+            rise_n: slope[cable].low().max(0.0) * moved_n / UPWARDS,
+            slope,
+            linear,
+            swept: OnceCell::new(),
+            swept_slope: OnceCell::new(),
+        }
+    }
 }
 
 /// The curve of the eliminated cable in pieces, from the taut end of the bracket.
-pub(super) struct Course {
+pub(super) struct Course<'a> {
+    pub(super) patch: &'a Patch,
+    along: Along,
+    cable: usize,
     /// Fine ones around the solution, rough ones beyond.
     pub(super) pieces: Vec<Piece>,
     /// The lower ends of the fine pieces, and the upper one of the last of them.
-    pub(super) joints: Vec<Piece>,
+    pub(super) joints: Vec<Sum>,
     /// Numbers of the first fine piece, and of that which begins at the solution.
     pub(super) first_fine: usize,
     pub(super) middle: usize,
 }
 
+impl Course<'_> {
+    /// The sum over a piece, swept so that its slope is about zero.
+    pub(super) fn swept<'p>(&self, piece: &'p Piece) -> &'p Swept {
+        piece.swept.get_or_init(|| self.sweep(&piece.sum.linear, &piece.slope))
+    }
+
+    /// The slope, swept in this way.
+    pub(super) fn swept_slope<'p>(&self, piece: &'p Piece) -> &'p Swept {
+        piece.swept_slope.get_or_init(|| self.sweep(&piece.linear, &piece.slope))
+    }
+
+    /// A sum, swept so that it is about zero itself.
+    pub(super) fn cleared<'p>(&self, sum: &'p Sum) -> &'p Swept {
+        sum.cleared.get_or_init(|| self.sweep(&sum.linear, &sum.rows))
+    }
+
+    /// With what it takes for a vector to be zero in the middle, but for row `e`.
+    fn sweep(&self, linear: &Linear, zero: &Vector6<Interval>) -> Box<Swept> {
+        let own = zero[self.cable];
+        let ratio = Vector6::from_fn(|i, _| {
+            let ratio = zero[i].middle() / own.middle();
+            let is_some = i != self.cable && own.mignitude() > 0.0 && ratio.is_finite();
+            if is_some { ratio } else { 0.0 }
+        });
+        let here = linear.here.swept(self.cable, &ratio);
+        let rows = linear.rows.swept(self.cable, &ratio);
+        let mut moved = [Vector6::zeros(); COORDINATES];
+        let mut room = Vector6::zeros();
+        for k in 0..self.along.count() {
+            let aside = self.patch.aside(k).magnitude();
+            moved[k] = rows.middle[k] * aside;
+            room += rows.radius[k] * aside;
+        }
+        let still = here + room.map(|room| Interval::symmetric(room * UPWARDS));
+        let all = here + rows.spread(self.patch, self.along);
+        Box::new(Swept { ratio, all, moved, still })
+    }
+}
+
 /// `A (S(P, pc) + G F(q))` over a patch, and how it comes about.
-pub(super) struct Sums<'a> {
+pub(super) struct Sums<'a, 'i> {
     view: &'a View<'a>,
-    inverse: &'a Inverse,
+    inverse: &'i Inverse,
     /// At the middle of the patch.
     pub(super) sights: Vec<Sight>,
     /// The sum there, without the eliminated cable; before `A`, and after.
@@ -103,11 +205,11 @@ pub(super) struct Sums<'a> {
     all_others: Vector6<Interval>,
 }
 
-impl<'a> Sums<'a> {
+impl<'a, 'i> Sums<'a, 'i> {
     pub(super) fn new(
         view: &'a View<'a>,
         center: &[f64; CABLES],
-        inverse: &'a Inverse,
+        inverse: &'i Inverse,
     ) -> Option<Self> {
         let Prover { curves, likeness, .. } = view.prover;
         let patch = view.patch;
@@ -124,7 +226,7 @@ impl<'a> Sums<'a> {
         let (others, rows) = (inverse.times(&others_n), inverse.rows(&by_pose_n, view.along));
         let mut sums =
             Self { view, inverse, sights, others_n, others, by_pose_n, rows, all_others: others };
-        sums.all_others += sums.spread(&sums.rows, &Vector6::zeros());
+        sums.all_others += sums.rows.spread(patch, view.along);
         Some(sums)
     }
 
@@ -134,7 +236,7 @@ impl<'a> Sums<'a> {
         at_center: &ChartStep<f64>,
         balance: &Balance<f64>,
         at: f64,
-    ) -> Option<(Course, [Vector6<f64>; COORDINATES])> {
+    ) -> Option<(Course<'a>, [Vector6<f64>; COORDINATES])> {
         let View { seed: Start { eliminated: cable, bracket, .. }, .. } = self.view;
         let is_inside = at > bracket[0] && at < bracket[1];
         if !is_inside {
@@ -147,7 +249,7 @@ impl<'a> Sums<'a> {
         // How well the sum is known: in the arithmetic of a controller, and over the patch.
         let force_n: f64 = at_center.points.iter().map(|point| point.state.force_n.norm()).sum();
         let noise = self.inverse.per_newton[*cable] * (ARITHMETIC * force_n);
-        let known = here.sum[*cable].radius().max(noise) / rise;
+        let known = here.rows[*cable].radius().max(noise) / rise;
         if !(known > 0.0 && known.is_finite()) {
             return None;
         }
@@ -160,31 +262,9 @@ impl<'a> Sums<'a> {
         pieces.extend(up);
         pieces.extend(self.beyond(high, bracket[1])?);
         let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
-        let course = Course { pieces, joints, first_fine, middle };
+        let (patch, along) = (self.view.patch, self.view.along);
+        let course = Course { patch, along, cable: *cable, pieces, joints, first_fine, middle };
         Some((course, rows.middle))
-    }
-
-    /// Row `e` times the factors taken from the other rows.
-    fn swept(&self, v: &Vector6<Interval>, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        let cable = self.view.seed.eliminated;
-        Vector6::from_fn(|i, _| v[i] - Interval::point(ratio[i]) * v[cable])
-    }
-
-    /// What poses aside from the middle add, swept.
-    fn spread(&self, rows: &Rows, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        let cable = self.view.seed.eliminated;
-        let count = self.view.along.count();
-        Vector6::from_fn(|i, _| {
-            let (mut middle, mut radius) = ([0.0; COORDINATES], [0.0; COORDINATES]);
-            for k in 0..count {
-                let (row, room) = (&rows.middle[k], &rows.radius[k]);
-                let taken = ratio[i] * row[cable];
-                middle[k] = row[i] - taken;
-                let rounding = (row[i].abs() + taken.abs()) * (2.0 * f64::EPSILON);
-                radius[k] = (room[i] + ratio[i].abs() * room[cable] + rounding) * UPWARDS;
-            }
-            self.view.patch.spread(&middle[..count], &radius[..count])
-        })
     }
 
     /// Pieces of a part of the bracket, from its taut end: as long as is told by what they sum to.
@@ -209,53 +289,23 @@ impl<'a> Sums<'a> {
     /// A piece as it stands.
     fn rough(&self, chart: Interval) -> Option<Piece> {
         let cable = self.view.seed.eliminated;
-        let hung = self.view.prover.curves.hung(cable, &self.view.sights[cable], chart)?;
-        let tangent_m = -hung.heading_m;
-        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n, &tangent_m);
-        piece.swept += self.spread(&self.rows, &piece.ratio);
-        Some(piece)
+        let sight = &self.view.sights[cable];
+        let hung = self.view.prover.curves.hung(cable, sight, chart)?;
+        let along = self.inverse.times(&sight.wrench_n(&hung.force_n));
+        let linear = Linear { here: Here::at(self.others + along), rows: self.rows };
+        let sum =
+            Sum::new(chart, self.all_others + along, linear, &hung.force_n, &hung.force_by_chart_n);
+        let heading = Heading::at(&hung)?;
+        let slope = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
+        let linear = Linear { here: Here::at(slope), rows: Rows::none() };
+        Some(Piece::new(self.view.seed.eliminated, chart, sum, &heading, slope, linear))
     }
 
     /// Whether it is so well known which sign row `e` has on a piece, or whether it rises or falls.
     fn is_told(&self, piece: &Piece, times: f64) -> bool {
         let cable = self.view.seed.eliminated;
         let is_told = |sum: Interval| sum.mignitude() > times * sum.radius();
-        is_told(piece.sum[cable]) || is_told(piece.slope[cable])
-    }
-
-    /// A piece with what is swept only at the middle of the patch.
-    fn plain(
-        &self,
-        chart: Interval,
-        force_n: &Vector2<Interval>,
-        by_chart_n: &Vector2<Interval>,
-        tangent_m: &Vector2<Interval>,
-    ) -> Piece {
-        let cable = self.view.seed.eliminated;
-        let sight = &self.view.sights[cable];
-        let along = self.inverse.times(&sight.wrench_n(force_n));
-        let slope = self.inverse.times(&sight.wrench_n(tangent_m));
-        let rise = slope[cable];
-        let ratio = Vector6::from_fn(|i, _| {
-            let ratio = slope[i].middle() / rise.middle();
-            if i != cable && rise.mignitude() > 0.0 && ratio.is_finite() { ratio } else { 0.0 }
-        });
-        // By as many newtons a metre the force density falls at least, along the piece.
-        let falls_n_m =
-            size(by_chart_n).low() / size(tangent_m).high() * (chart.high() - chart.low());
-        Piece {
-            sum: self.all_others + along,
-            force_n: size(force_n).high(),
-            slope_m: size(tangent_m).high(),
-            rise_n: rise.low().max(0.0) * falls_n_m / UPWARDS,
-            left_n: size(by_chart_n).high()
-                * (1.0 + chart.magnitude())
-                * (CROSSING_WIDTH * UPWARDS),
-            swept: self.swept(&(self.others + along), &ratio),
-            swept_slope: self.swept(&slope, &ratio).map(Interval::magnitude),
-            slope,
-            ratio,
-        }
+        is_told(piece.sum.rows[cable]) || is_told(piece.slope[cable])
     }
 
     /// The sum at the middle of the patch.
@@ -268,35 +318,18 @@ impl<'a> Sums<'a> {
 
     /// At a coordinate at which the sum is `exact` at the middle, by the mean value theorem over the pose; and how the
     /// sum changes with that.
-    fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Piece, Rows)> {
+    fn joint(&self, exact: &Vector6<Interval>, chart: f64) -> Option<(Sum, Rows)> {
         let cable = self.view.seed.eliminated;
-        let sight = &self.view.sights[cable];
+        let (sight, along) = (&self.view.sights[cable], self.view.along);
         let chart = Interval::point(chart);
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
-        let tangent_m = -hung.heading_m;
-        let mut piece = self.plain(chart, &hung.force_n, &hung.force_by_chart_n, &tangent_m);
         let mut moving_n = self.by_pose_n;
-        sight.add_by_pose(&mut moving_n, &hung, self.view.along);
-        let rows = self.inverse.rows(&moving_n, self.view.along);
-        let swept = self.swept(exact, &piece.ratio);
-        self.narrow(&mut piece, exact, &swept, &rows)?;
-        Some((piece, rows))
-    }
-
-    /// Narrows the sums of a piece by those at the middle and how they change with the pose.
-    fn narrow(
-        &self,
-        piece: &mut Piece,
-        sum: &Vector6<Interval>,
-        swept: &Vector6<Interval>,
-        rows: &Rows,
-    ) -> Option<()> {
-        let sum = sum + self.spread(rows, &Vector6::zeros());
-        for i in 0..CABLES {
-            piece.sum[i] = piece.sum[i].intersection(sum[i])?;
-        }
-        piece.swept = swept + self.spread(rows, &piece.ratio);
-        Some(())
+        sight.add_by_pose(&mut moving_n, &hung, along);
+        let rows = self.inverse.rows(&moving_n, along);
+        let plain = self.all_others + self.inverse.times(&sight.wrench_n(&hung.force_n));
+        let sum = both(&plain, &(exact + rows.spread(self.view.patch, along)))?;
+        let linear = Linear { here: Here::at(*exact), rows };
+        Some((Sum::new(chart, sum, linear, &hung.force_n, &hung.force_by_chart_n), rows))
     }
 
     /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle.
@@ -304,35 +337,31 @@ impl<'a> Sums<'a> {
     /// Along the curve it goes on from the middle, so with the slope there, not with that before a plane.
     fn fine(&self, exact: &Vector6<Interval>, from: f64, to: f64) -> Option<Piece> {
         let cable = self.view.seed.eliminated;
-        let (curves, sight) = (&self.view.prover.curves, &self.view.sights[cable]);
-        let (here, none) = (&self.sights[cable], Vector6::zeros());
+        let (sight, here, along) = (&self.view.sights[cable], &self.sights[cable], self.view.along);
         let chart = Interval::new(from.min(to), from.max(to));
-        let (reach, tangent, by_end) = curves.turning_reach(cable, sight, chart)?;
-        let mut piece = self.plain(chart, &reach.force_n, &reach.by_chart_n, &tangent.at_m);
+        let Fine { reach, heading, turn, rate_here_n, slant_here } =
+            self.view.prover.curves.fine(cable, sight, here, chart)?;
         // The slope.
+        let tangent = heading.vector(heading.slant);
         let mut turning = [Vector6::zeros(); COORDINATES];
-        sight.add_moved(&mut turning, &tangent.at_m, &by_end, self.view.along);
-        let turning = self.inverse.rows(&turning, self.view.along);
-        let [slope_n, at_m] = curves.slope(cable, here, chart, &reach.bend_n, &tangent.bend_m)?;
-        let slope = self.inverse.times(&here.wrench_n(&at_m));
-        let near = slope + self.spread(&turning, &none);
-        let slope_swept = self.swept(&slope, &piece.ratio);
-        let swept = slope_swept + self.spread(&turning, &piece.ratio);
-        for i in 0..CABLES {
-            piece.slope[i] = piece.slope[i].intersection(near[i])?;
-            piece.swept_slope[i] = piece.swept_slope[i].min(swept[i].magnitude());
-        }
+        sight.add_moved(&mut turning, &tangent, &turn, along);
+        let turning = self.inverse.rows(&turning, along);
+        let slope_here = self.inverse.times(&here.wrench_n(&heading.vector(slant_here)));
+        let plain = self.inverse.times(&sight.wrench_n(&tangent));
+        let slope = both(&plain, &(slope_here + turning.spread(self.view.patch, along)))?;
         // The sum.
-        let slope = self.inverse.times(&here.wrench_n(&slope_n));
-        let slope_swept = self.swept(&slope, &piece.ratio);
         let mut moving_n = self.by_pose_n;
-        sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, self.view.along);
-        let rows = self.inverse.rows(&moving_n, self.view.along);
-        let along = chart - Interval::point(from);
-        let sum = exact + slope.map(|c| c * along);
-        let swept = self.swept(exact, &piece.ratio) + slope_swept.map(|c| c * along);
-        self.narrow(&mut piece, &sum, &swept, &rows)?;
-        Some(piece)
+        sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, along);
+        let rows = self.inverse.rows(&moving_n, along);
+        let gone_n = rate_here_n * (chart - Interval::point(from));
+        let sum_here = Here { from: *exact, slope: slope_here, gone_n };
+        let plain = self.all_others + self.inverse.times(&sight.wrench_n(&reach.force_n));
+        let near = sum_here.swept(cable, &Vector6::zeros()) + rows.spread(self.view.patch, along);
+        let linear = Linear { here: sum_here, rows };
+        let sum = both(&plain, &near)?;
+        let sum = Sum::new(chart, sum, linear, &reach.force_n, &reach.by_chart_n);
+        let linear = Linear { here: Here::at(slope_here), rows: turning };
+        Some(Piece::new(cable, chart, sum, &heading, slope, linear))
     }
 
     /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
@@ -343,7 +372,7 @@ impl<'a> Sums<'a> {
         at: f64,
         (known, noise): (f64, f64),
         end: f64,
-    ) -> Option<(Vec<Piece>, Vec<Piece>, f64)> {
+    ) -> Option<(Vec<Piece>, Vec<Sum>, f64)> {
         let cable = self.view.seed.eliminated;
         let (mut pieces, mut joints, mut chart) = (Vec::new(), Vec::new(), at);
         let mut exact = self.exactly(at)?;
@@ -358,7 +387,7 @@ impl<'a> Sums<'a> {
             pieces.push(piece);
             exact = self.exactly(next)?;
             let (joint, _) = self.joint(&exact, next)?;
-            let sum = joint.sum[cable];
+            let sum = joint.rows[cable];
             let is_certain = sum.middle() * step.signum() > 2.0 * sum.radius() + noise;
             joints.push(joint);
             chart = next;
@@ -396,8 +425,7 @@ impl Inverse {
 
     /// The products with what changes with each coordinate of the pose.
     pub(super) fn rows(&self, by_pose_n: &ByPose, along: Along) -> Rows {
-        let zero = [Vector6::zeros(); COORDINATES];
-        let mut rows = Rows { middle: zero, radius: zero };
+        let mut rows = Rows::none();
         for (k, column) in by_pose_n.iter().enumerate().take(along.count()) {
             (rows.middle[k], rows.radius[k]) = self.ball(column);
         }
@@ -411,7 +439,7 @@ impl Inverse {
     }
 
     /// The product with a vector of intervals, by its middle and radius.
-    fn ball(&self, vector: &Vector6<Interval>) -> (Vector6<f64>, Vector6<f64>) {
+    pub(super) fn ball(&self, vector: &Vector6<Interval>) -> (Vector6<f64>, Vector6<f64>) {
         // A sum of six products is off by at most seven units of the sum of their sizes.
         const ROUNDING: f64 = 8.0 * f64::EPSILON;
         let middle = vector.map(Interval::middle);
@@ -421,9 +449,77 @@ impl Inverse {
     }
 }
 
+/// At the middle of the patch, and how it changes with the pose.
+struct Linear {
+    here: Here,
+    rows: Rows,
+}
+
+/// A sum at the middle of the patch, along a curve: as it is at some coordinate, and how it goes on from there.
+struct Here {
+    from: Vector6<Interval>,
+    slope: Vector6<Interval>,
+    gone_n: Interval,
+}
+
+impl Here {
+    fn at(from: Vector6<Interval>) -> Self {
+        Self { from, slope: Vector6::zeros(), gone_n: Interval::zero() }
+    }
+
+    /// With row `e` times factors taken from the others.
+    fn swept(&self, cable: usize, ratio: &Vector6<f64>) -> Vector6<Interval> {
+        Vector6::from_fn(|i, _| {
+            let ratio = Interval::point(ratio[i]);
+            let [from, slope] = [&self.from, &self.slope].map(|v| v[i] - ratio * v[cable]);
+            from + slope * self.gone_n
+        })
+    }
+}
+
+/// What two enclosures of one vector leave of it.
+fn both(a: &Vector6<Interval>, b: &Vector6<Interval>) -> Option<Vector6<Interval>> {
+    let mut both = *a;
+    for i in 0..CABLES {
+        both[i] = a[i].intersection(b[i])?;
+    }
+    Some(both)
+}
+
 /// How the rows of the equations change with each coordinate of the pose, those that are not followed left out: by
 /// middle and radius.
+#[derive(Clone, Copy)]
 pub(super) struct Rows {
     pub(super) middle: [Vector6<f64>; COORDINATES],
     pub(super) radius: [Vector6<f64>; COORDINATES],
+}
+
+impl Rows {
+    /// Of what does not change, or is enclosed as it stands.
+    fn none() -> Self {
+        let zero = [Vector6::zeros(); COORDINATES];
+        Self { middle: zero, radius: zero }
+    }
+
+    /// Row `e` times factors taken from the others.
+    fn swept(&self, cable: usize, ratio: &Vector6<f64>) -> Self {
+        let mut swept = Self::none();
+        for k in 0..COORDINATES {
+            let (middle, radius) = (&self.middle[k], &self.radius[k]);
+            let taken = ratio * middle[cable];
+            let rounding = (middle.abs() + taken.abs()) * (2.0 * f64::EPSILON);
+            swept.middle[k] = middle - taken;
+            swept.radius[k] = (radius + ratio.abs() * radius[cable] + rounding) * UPWARDS;
+        }
+        swept
+    }
+
+    /// What poses aside from the middle add.
+    fn spread(&self, patch: &Patch, along: Along) -> Vector6<Interval> {
+        let count = along.count();
+        Vector6::from_fn(|i, _| {
+            let [middle, radius] = [&self.middle, &self.radius].map(|of| of.map(|row| row[i]));
+            patch.spread(&middle[..count], &radius[..count])
+        })
+    }
 }

@@ -4,11 +4,11 @@
 use std::ops::Range;
 
 use cdpr_core::CABLES;
-use nalgebra::{RowVector6, Vector6};
+use nalgebra::Vector6;
 use num_traits::Zero;
 
 use super::super::curve::{Reach, both, seen, size};
-use super::super::equations::{Arithmetic, Columns, fed_back};
+use super::super::equations::{Arithmetic, Aside, Columns, fed_back};
 use super::super::sums::{Piece, UPWARDS, View};
 use super::{Frame, Tangents};
 use crate::interval::Interval;
@@ -33,8 +33,8 @@ const F32: f64 = f32::EPSILON as f64;
 
 /// What tangents miss of curves.
 pub(super) struct Missed {
-    /// Across the tangents, through `A`.
-    pub(super) aside: Vector6<Interval>,
+    /// Across the tangents, N.
+    pub(super) aside_n: [Interval; CABLES],
     /// Along them, in units of the coordinates.
     pub(super) along: [Interval; CABLES],
 }
@@ -56,7 +56,7 @@ impl Frame<'_> {
         errors: &[Interval; CABLES],
     ) -> Option<Missed> {
         let (curves, sights) = (&self.view.prover.curves, &self.view.sights);
-        let mut aside_n = Vector6::zeros();
+        let mut aside_n = [Interval::zero(); CABLES];
         let mut along = [Interval::zero(); CABLES];
         for i in self.others() {
             let (sight, error, direction) = (&sights[i], errors[i], &self.directions[i]);
@@ -65,17 +65,18 @@ impl Frame<'_> {
             let all = at[i].hull(to[i]);
             let (between, course) = curves.course(i, sight, all, direction)?;
             let half_square = error.square() * Interval::point(0.5);
+            // As they stand, by how the curve bends, and by how far its tangents differ at most.
             let plain = there.force_n - here.force_n + here.by_chart_n * error;
             let missed_n = both(&plain, &(between.bend_n * half_square))?;
-            let (missed_along_n, missed_aside_n) = seen(&missed_n, direction);
-            along[i] = missed_along_n / heading.rate_n;
-            // As it stands, and by how the curve turns.
-            let rough = missed_aside_n - heading.slant * missed_along_n;
-            let fine = course.rate_n * course.bend * half_square;
-            let across = course.across(rough.intersection(fine)?);
-            aside_n += sight.wrench_n(&across);
+            let (along_n, across_n) = seen(&missed_n, direction);
+            let along_n = along_n.intersection(-(course.rate_n - heading.rate_n) * error)?;
+            along[i] = along_n / heading.rate_n;
+            let plain_n = across_n - heading.slant * along_n;
+            let bent_n = course.rate_n * course.bend * half_square;
+            let turned_n = -(course.rate_n * (course.slant - heading.slant)) * error;
+            aside_n[i] = plain_n.intersection(bent_n)?.intersection(turned_n)?;
         }
-        Some(Missed { aside: self.inverse.times(&aside_n), along })
+        Some(Missed { aside_n, along })
     }
 
     /// What is off in each row by newton of the force of a cable in f32: on its curve, by its plane, and as so many units
@@ -125,7 +126,7 @@ impl Frame<'_> {
         &self,
         columns: &Columns,
         all: Range<usize>,
-        missed: &Vector6<Interval>,
+        missed: &Aside,
         arithmetic: &Arithmetic,
         small_n: f64,
     ) -> Option<Errors> {
@@ -137,12 +138,11 @@ impl Frame<'_> {
         let rise_n = |numbers: Range<usize>| {
             numbers.map(|number| pieces[number].rise_n).sum::<f64>() / UPWARDS
         };
-        let row = columns.defect(&Vector6::zeros()).row(cable).into_owned();
         let on = |numbers: Range<usize>| {
             let pieces = &pieces[numbers];
-            let roundings = pieces.iter().map(|piece| arithmetic.on(piece));
+            let roundings = pieces.iter().map(|piece| arithmetic.on(&piece.sum));
             let rounding = roundings.fold(Vector6::zeros(), |most, next| most.sup(&next)) * UPWARDS;
-            self.errors_on((columns, &row), pieces, missed, &rounding)
+            self.errors_on(columns, pieces, missed, &rounding)
         };
         let whole = on(all.clone()).map(|(errors, _)| errors);
         if whole.is_some_and(|errors| errors.eliminated_n < small_n) {
@@ -176,13 +176,12 @@ impl Frame<'_> {
         Some(most)
     }
 
-    /// These errors if solution and step are on these pieces; and by how much the eliminated cable moves row `e` then. With
-    /// row `e` of the columns' defect.
+    /// These errors if solution and step are on these pieces; and by how much the eliminated cable moves row `e` then.
     fn errors_on(
         &self,
-        (columns, row): (&Columns, &RowVector6<f64>),
+        columns: &Columns,
         pieces: &[Piece],
-        missed: &Vector6<Interval>,
+        missed: &Aside,
         rounding: &Vector6<f64>,
     ) -> Option<(Errors, f64)> {
         let cable = self.view.seed.eliminated;
@@ -190,30 +189,33 @@ impl Frame<'_> {
             let ratios = pieces.iter().map(|piece| size(piece) / piece.slope[cable].low());
             ratios.fold(0.0, f64::max) * UPWARDS
         };
-        let ratio = pieces[pieces.len() / 2].ratio;
+        let ratio = &self.course.swept_slope(&pieces[pieces.len() / 2]).ratio;
         // As much as the slopes of a piece are off its own ratio, and that is off this one; or as they are.
         let pull = Vector6::from_fn(|i, _| {
             let off = |piece: &Piece| {
-                let rise = piece.slope[cable];
-                let turned = (piece.ratio[i] - ratio[i]).abs() * rise.high();
+                let (rise, own) = (piece.slope[cable], self.course.swept_slope(piece));
+                let turned = (own.ratio[i] - ratio[i]).abs() * rise.high();
                 let plain = piece.slope[i] - Interval::point(ratio[i]) * rise;
-                plain.magnitude().min((piece.swept_slope[i] + turned) * UPWARDS)
+                plain.magnitude().min((own.all[i].magnitude() + turned) * UPWARDS)
             };
             if i == cable { 0.0 } else { most(&off) }
         });
-        let mut fed = columns.defect(&ratio) + pull * row;
+        let defect = columns.defect(ratio);
+        let row = defect.row(cable);
+        let mut fed = defect + pull * row;
         fed.fill_row(cable, 0.0);
-        let alone = missed[cable].magnitude() + rounding[cable];
+        let swept = missed.swept(cable, ratio);
+        let alone = swept[cable].magnitude() + rounding[cable];
         let right = Vector6::from_fn(|i, _| {
             if i == cable {
                 return 0.0;
             }
-            let swept = missed[i] - Interval::point(ratio[i]) * missed[cable];
-            swept.magnitude() + rounding[i] + ratio[i].abs() * rounding[cable] + pull[i] * alone
+            let rounding = rounding[i] + ratio[i].abs() * rounding[cable];
+            swept[i].magnitude() + rounding + pull[i] * alone
         });
         let others_n = fed_back(&fed, &right)?;
         let along_n = (alone + row.transpose().dot(&others_n)) * UPWARDS;
-        let eliminated_n = along_n * most(&|piece| piece.slope_m);
+        let eliminated_n = along_n * most(&|piece| piece.tangent);
         Some((Errors { others_n, eliminated_n }, along_n))
     }
 }
