@@ -119,7 +119,7 @@ impl Heading {
     }
 
     /// Whether the slant over a range is known so well at once that parts of it tell no more.
-    fn is_straight(&self, chart: Interval) -> bool {
+    fn is_told_at_once(&self, chart: Interval) -> bool {
         self.bend.radius() * chart.radius() <= STRAIGHT
     }
 
@@ -187,7 +187,7 @@ impl Curves {
     ) -> Option<(Reach, Heading)> {
         if let Some((reach, heading)) = self.headed(i, sight, chart, direction)
             && is_known(chart, &reach.bend_n, &reach.by_chart_n)
-            && heading.is_straight(chart)
+            && heading.is_told_at_once(chart)
         {
             return Some((reach, heading));
         }
@@ -225,6 +225,9 @@ impl Curves {
         to: Interval,
         direction: &Vector2<f64>,
     ) -> Option<Interval> {
+        if !to.is_bounded() {
+            return None;
+        }
         let headed = |chart| Some(self.headed(i, sight, chart, direction)?.1);
         let mut all = Interval::zero();
         for (end, way) in [(to.low(), -1.0), (to.high(), 1.0)] {
@@ -233,7 +236,7 @@ impl Curves {
             }
             let whole = Interval::new(from.min(end), from.max(end));
             let mut parts: Vec<Interval> = match headed(whole) {
-                Some(heading) if heading.is_straight(whole) => vec![whole],
+                Some(heading) if heading.is_told_at_once(whole) => vec![whole],
                 _ => parts(whole).collect(),
             };
             if way < 0.0 {
@@ -245,15 +248,17 @@ impl Curves {
             let mut along_n = Interval::zero();
             for part in parts {
                 let heading = headed(part)?;
-                let length = 2.0 * part.radius() * (1.0 + ROUNDING);
-                let turned = heading.bend * Interval::point(way * length);
+                let length = part.high() - part.low();
+                let [short, long] = [1.0 - ROUNDING, 1.0 + ROUNDING].map(|one| length * one);
+                let turned = heading.bend * Interval::point(way) * Interval::new(short, long);
                 let over = slant + turned.hull(Interval::zero());
                 // The mean over the part, or some of it, has a share in that over all.
-                let gained_n = heading.rate_n * Interval::point(length);
+                let gained_n = heading.rate_n * Interval::point(long);
                 let most = (1.0 + ROUNDING) / (1.0 + along_n.low() / gained_n.high());
                 let least = (1.0 - ROUNDING) / (1.0 + along_n.high() / gained_n.low());
                 let mixed = |share: f64| {
-                    mean * Interval::point(1.0 - share) + over * Interval::point(share)
+                    let share = Interval::point(share);
+                    mean * (Interval::one() - share) + over * share
                 };
                 let (most, least) = (mixed(most.min(1.0)), mixed(least));
                 all = all.hull(mean).hull(most);
@@ -322,16 +327,17 @@ impl Curves {
         all.iter().all(|v| size(v).is_bounded()).then_some(all)
     }
 
-    /// A coordinate that is past all at which the force has changed by so much along a direction, from a coordinate on.
+    /// A coordinate that is past all at which the force has changed by so much along a direction, from a coordinate on in a
+    /// way: up or down, 1 or -1.
     pub(super) fn reached(
         &self,
         i: usize,
         sight: &Sight,
-        from: f64,
+        (from, way): (f64, f64),
         along_n: f64,
         direction: &Vector2<f64>,
     ) -> Option<f64> {
-        let (mut chart, mut left_n, way) = (from, along_n.abs(), along_n.signum());
+        let (mut chart, mut left_n) = (from, along_n);
         for _ in 0..MOST_STRETCHES {
             let next = chart + way * stretch(chart, STRETCH);
             let over = Interval::new(chart.min(next), chart.max(next));

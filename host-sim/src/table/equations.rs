@@ -18,8 +18,8 @@ const FEEDBACK: usize = 6;
 /// And what is added to each for it.
 const SHARE: f64 = 0.01;
 
-/// What the controller rounds off in each row of a step, at most: for the five others, by newton of the force of the
-/// eliminated cable, and by newton that the search along its curve leaves out. None for what is exact.
+/// What the controller rounds off in each row of a step, at most: for the five others and their sum, by newton of the
+/// force of the eliminated cable, and by newton that the search along its curve leaves out. None for what is exact.
 #[derive(Default)]
 pub(super) struct Arithmetic {
     pub(super) others: Vector6<f64>,
@@ -28,9 +28,9 @@ pub(super) struct Arithmetic {
 }
 
 impl Arithmetic {
-    /// With the eliminated cable where they sum to this. What is eliminated is its force, and as much of the sum of all others.
+    /// All of it, with the eliminated cable where the equations sum to this.
     pub(super) fn on(&self, sum: &Sum) -> Vector6<f64> {
-        self.others + self.unit * (2.0 * sum.force_n) + self.per_newton * sum.left_n
+        self.others + self.unit * sum.force_n + self.per_newton * sum.left_n
     }
 }
 
@@ -39,8 +39,8 @@ pub(super) struct Equations<'a> {
     columns: &'a Columns<'a>,
     course: &'a Course<'a>,
     fold_at_slack_end: bool,
-    /// What the right sides are off by, as it is and in each row at most, and what is rounded.
-    missed: Aside<'a>,
+    /// What the right sides are off by, as it is and in each row at most, and what is rounded. None of chords.
+    missed: Option<Aside<'a>>,
     aside: Vector6<f64>,
     arithmetic: Arithmetic,
     /// What the five others weigh at most in row `e`.
@@ -52,7 +52,7 @@ impl<'a> Equations<'a> {
         columns: &'a Columns,
         course: &'a Course<'a>,
         fold_at_slack_end: bool,
-        missed: Aside<'a>,
+        missed: Option<Aside<'a>>,
         arithmetic: Arithmetic,
     ) -> Self {
         let plain = columns.defect(&Vector6::zeros());
@@ -60,7 +60,9 @@ impl<'a> Equations<'a> {
         let mut back = plain.transpose();
         back.fill_column(columns.cable, 0.0);
         let weights = fed_back(&back, &row);
-        let aside = missed.swept(columns.cable, &Vector6::zeros()).map(Interval::magnitude);
+        let aside = missed.as_ref().map_or(Vector6::zeros(), |missed| {
+            missed.swept(columns.cable, &Vector6::zeros()).map(Interval::magnitude)
+        });
         Self { columns, course, fold_at_slack_end, missed, aside, arithmetic, weights }
     }
 
@@ -72,10 +74,16 @@ impl<'a> Equations<'a> {
         Vector6::from_fn(|i, _| if i == self.cable() { 0.0 } else { v(i) })
     }
 
+    /// What tangents miss, swept.
+    fn missed(&self, ratio: &Vector6<f64>) -> Vector6<Interval> {
+        let missed = self.missed.as_ref();
+        missed.map_or(Vector6::zeros(), |missed| missed.swept(self.cable(), ratio))
+    }
+
     /// What the right sides are off by at most, where they sum to this, swept.
     fn apart(&self, sum: &Sum, ratio: &Vector6<f64>) -> Vector6<f64> {
         let rounding = self.arithmetic.on(sum);
-        let missed = self.missed.swept(self.cable(), ratio).map(Interval::magnitude);
+        let missed = self.missed(ratio).map(Interval::magnitude);
         missed + rounding + ratio.abs() * rounding[self.cable()]
     }
 
@@ -206,7 +214,7 @@ impl<'a> Equations<'a> {
             let swept = self.course.swept(piece);
             let fed = self.fed(swept, &self.apart(&piece.sum, &swept.ratio))?;
             let rounding = self.arithmetic.on(&piece.sum);
-            let missed = self.missed.swept(cable, &swept.ratio);
+            let missed = self.missed(&swept.ratio);
             let here = Vector6::from_fn(|i, _| {
                 if i == cable {
                     return Interval::zero();

@@ -37,8 +37,9 @@
 //! leaves zero on both sides, and that its slope `det` is of the right sign there. (On a piece the first lines are used
 //! less multiples of the second: those with which they do not depend on where on the piece `q` is, or those with which
 //! nothing is left of them in the middle. What is shown to be no zero with `K` and `R` is none with `t K` and `t R`
-//! either, for `t` from 0 to 1, nor is `det (1 + t K)`, so that the signs are those of `t = 0`.) So `q` is found by any
-//! search that goes by these signs, however sharp the bend, and the first line bounds the others.
+//! either, for `t` from 0 to 1, nor is `det (1 + t K)`, which no such multiple changes, so that the signs are those of
+//! `t = 0`.) So `q` is found by any search that goes by these signs, however sharp the bend, and the first line bounds the
+//! others.
 //!
 //! # The solution
 //!
@@ -434,17 +435,16 @@ impl<'a> Frame<'a> {
     fn equations<'e>(
         &'e self,
         columns: &'e Columns,
-        aside_n: [Interval; CABLES],
+        missed: Option<Aside<'e>>,
         arithmetic: Arithmetic,
     ) -> Equations<'e> {
-        let missed = self.aside(aside_n);
         let fold_at_slack_end = self.view.seed.fold_at_slack_end;
         Equations::new(columns, &self.course, fold_at_slack_end, missed, arithmetic)
     }
 
-    /// What chords obey, which miss nothing, without any rounding.
+    /// What they obey that miss nothing: chords, in place of the steps of a controller.
     fn exact<'e>(&'e self, columns: &'e Columns) -> Equations<'e> {
-        self.equations(columns, [Interval::zero(); CABLES], Arithmetic::default())
+        self.equations(columns, None, Arithmetic::default())
     }
 
     /// What tangents miss across them.
@@ -462,7 +462,8 @@ impl<'a> Frame<'a> {
         let missed = self.missed(&tangents, at, &center, &errors)?;
         let arithmetic = self.arithmetic(&tangents, &missed, &errors);
         let Missed { aside_n, along } = missed;
-        let equations = self.equations(&tangents.columns, aside_n, arithmetic);
+        let missed = Some(self.aside(aside_n));
+        let equations = self.equations(&tangents.columns, missed, arithmetic);
         let pieces = equations.pieces()?;
         equations.leads_to(&pieces).then_some(())?;
         equations.rise_on(&solutions.pieces).then_some(())?;
@@ -485,13 +486,13 @@ impl<'a> Frame<'a> {
         let moved = equations.moved(&pieces)?;
         let mut charts = self.center.map(Interval::point);
         for i in self.others() {
-            let reached = |moved_n: f64| {
+            let reached = |way: f64, moved_n: f64| {
                 let (sight, direction) = (&sights[i], &self.directions[i]);
-                prover.curves.reached(i, sight, self.center[i], moved_n, direction)
+                prover.curves.reached(i, sight, (self.center[i], way), moved_n, direction)
             };
             // With the center, where all chords begin.
-            let (low, high) = (moved[i].low().min(0.0), moved[i].high().max(0.0));
-            charts[i] = Interval::new(reached(low)?, reached(high)?);
+            let (down, up) = ((-moved[i].low()).max(0.0), moved[i].high().max(0.0));
+            charts[i] = Interval::new(reached(-1.0, down)?, reached(1.0, up)?);
         }
         charts[seed.eliminated] = Interval::zero();
         Some(Solutions { charts, pieces })

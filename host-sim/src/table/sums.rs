@@ -45,6 +45,11 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
+    /// Largest component of what the load makes of the wrench, N.
+    pub(super) fn load_n(&self) -> f64 {
+        self.loading.wrench_n.iter().fold(0.0, |most, component| most.max(component.magnitude()))
+    }
+
     /// `None` where a cable may be vertical, or its curve is not known.
     pub(super) fn new(
         prover: &'a Prover,
@@ -74,7 +79,7 @@ pub(super) struct Sum {
     pub(super) rows: Vector6<Interval>,
     /// `|F|` at most, N.
     pub(super) force_n: f64,
-    /// What the search for a crossing may leave out at its end, N.
+    /// What the search for a crossing may leave out at its end, if that is here, N.
     pub(super) left_n: f64,
     /// How it comes about.
     linear: Linear,
@@ -101,13 +106,16 @@ impl Sum {
         rows: Vector6<Interval>,
         linear: Linear,
         force_n: &Vector2<Interval>,
-        by_chart_n: &Vector2<Interval>,
+        [by_chart_n, bend_n]: [&Vector2<Interval>; 2],
     ) -> Self {
-        let slope_n = size(by_chart_n).high();
+        // Where it may end, on a fine piece, it does with a bracket that is so wide in units of `1 + |q|`, or with a step along the tangent that is as long as
+        // the root of it.
+        let unit = 1.0 + chart.magnitude();
+        let slope_n = size(by_chart_n).high().max(0.5 * size(bend_n).high() * unit);
         Self {
             rows,
             force_n: size(force_n).high(),
-            left_n: slope_n * (1.0 + chart.magnitude()) * (CROSSING_WIDTH * UPWARDS),
+            left_n: slope_n * unit * (CROSSING_WIDTH * UPWARDS),
             linear,
             cleared: OnceCell::new(),
         }
@@ -141,6 +149,8 @@ pub(super) struct Course<'a> {
     pub(super) patch: &'a Patch,
     along: Along,
     cable: usize,
+    /// Largest force of the eliminated cable on the fine pieces, N.
+    pub(super) force_n: f64,
     /// Fine ones around the solution, rough ones beyond.
     pub(super) pieces: Vec<Piece>,
     /// The lower ends of the fine pieces, and the upper one of the last of them.
@@ -255,6 +265,8 @@ impl<'a, 'i> Sums<'a, 'i> {
         }
         let (down, down_joints, low) = self.march(at, (-known, noise), bracket[0])?;
         let (up, up_joints, high) = self.march(at, (known, noise), bracket[1])?;
+        let fine = down.iter().chain(&up);
+        let force_n = fine.fold(0.0, |most: f64, piece| most.max(piece.sum.force_n));
         let mut pieces = self.beyond(bracket[0], low)?;
         let first_fine = pieces.len();
         let middle = first_fine + down.len();
@@ -263,7 +275,8 @@ impl<'a, 'i> Sums<'a, 'i> {
         pieces.extend(self.beyond(high, bracket[1])?);
         let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
         let (patch, along) = (self.view.patch, self.view.along);
-        let course = Course { patch, along, cable: *cable, pieces, joints, first_fine, middle };
+        let cable = *cable;
+        let course = Course { patch, along, cable, force_n, pieces, joints, first_fine, middle };
         Some((course, rows.middle))
     }
 
@@ -293,8 +306,13 @@ impl<'a, 'i> Sums<'a, 'i> {
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
         let along = self.inverse.times(&sight.wrench_n(&hung.force_n));
         let linear = Linear { here: Here::at(self.others + along), rows: self.rows };
-        let sum =
-            Sum::new(chart, self.all_others + along, linear, &hung.force_n, &hung.force_by_chart_n);
+        let sum = Sum::new(
+            chart,
+            self.all_others + along,
+            linear,
+            &hung.force_n,
+            [&hung.force_by_chart_n, &Vector2::zeros()],
+        );
         let heading = Heading::at(&hung)?;
         let slope = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
         let linear = Linear { here: Here::at(slope), rows: Rows::none() };
@@ -329,7 +347,16 @@ impl<'a, 'i> Sums<'a, 'i> {
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&hung.force_n));
         let sum = both(&plain, &(exact + rows.spread(self.view.patch, along)))?;
         let linear = Linear { here: Here::at(*exact), rows };
-        Some((Sum::new(chart, sum, linear, &hung.force_n, &hung.force_by_chart_n), rows))
+        Some((
+            Sum::new(
+                chart,
+                sum,
+                linear,
+                &hung.force_n,
+                [&hung.force_by_chart_n, &Vector2::zeros()],
+            ),
+            rows,
+        ))
     }
 
     /// By the mean value theorem, over the pose and from a coordinate at which the sum is `exact` at the middle.
@@ -359,7 +386,7 @@ impl<'a, 'i> Sums<'a, 'i> {
         let near = sum_here.swept(cable, &Vector6::zeros()) + rows.spread(self.view.patch, along);
         let linear = Linear { here: sum_here, rows };
         let sum = both(&plain, &near)?;
-        let sum = Sum::new(chart, sum, linear, &reach.force_n, &reach.by_chart_n);
+        let sum = Sum::new(chart, sum, linear, &reach.force_n, [&reach.by_chart_n, &reach.bend_n]);
         let linear = Linear { here: Here::at(slope_here), rows: turning };
         Some(Piece::new(cable, chart, sum, &heading, slope, linear))
     }

@@ -17,15 +17,16 @@ use crate::interval::Interval;
 const GROUPS: usize = 6;
 /// The arithmetic of a controller in f32, in units of the force of a cable. The force itself, as a vector at the
 /// attachment, is off by at most so many (15 operations of the explicit curve, whose factors are of one sign, and three
-/// of its direction, rounded half a unit each; three more units for root and strain).
-const F32_FORCE: f64 = 12.0;
+/// of its direction, rounded half a unit each; three more units for root and strain, and one for the coordinate as it is
+/// kept from step to step).
+const F32_FORCE: f64 = 13.0;
 /// And by as many as its plane is off, by this in units of the coordinates that it is made of.
 const F32_PLANE: f64 = 2.0;
 /// A component of a wrench is off by at most so many (products with the lever arm, and the sum of seven, rounded half a
 /// unit each).
 const F32_WRENCH: f64 = 6.0;
 /// What is rounded in a matrix and in its elimination, as a component of the wrench: in units of the step, and of what
-/// is eliminated, which is the force of the eliminated cable and as much of the sum of all others.
+/// is eliminated, which is the force of the eliminated cable and the sum of all others.
 const F32_STEP: f64 = 36.0;
 const F32_ELIMINATED: f64 = 18.0;
 /// Unit in the last place of 1.
@@ -47,7 +48,7 @@ pub(super) struct Errors {
 }
 
 impl Frame<'_> {
-    /// What the tangents at `from`, taken at `at`, miss of the curves at `to`.
+    /// What the tangents that were taken at `at` miss of the curves at `to`, which is less by `errors`.
     pub(super) fn missed(
         &self,
         tangents: &Tangents,
@@ -108,7 +109,11 @@ impl Frame<'_> {
         errors: &[Interval; CABLES],
     ) -> Arithmetic {
         let cable = self.view.seed.eliminated;
-        let mut others = Vector6::zeros();
+        // The sum of all others, which is eliminated once, is about minus the force of the eliminated cable where the step
+        // ends; how far it is from that is among the steps below. It begins with the load.
+        let per_newton = self.inverse.per_newton * (F32 * UPWARDS);
+        let sum_n = F32_ELIMINATED * self.course.force_n + F32_WRENCH * self.view.load_n();
+        let mut others = per_newton * sum_n;
         for i in self.others() {
             let Some((at, _)) = &from.courses[i] else { continue };
             let step = missed.along[i].magnitude() + errors[i].magnitude();
@@ -138,12 +143,10 @@ impl Frame<'_> {
         let rise_n = |numbers: Range<usize>| {
             numbers.map(|number| pieces[number].rise_n).sum::<f64>() / UPWARDS
         };
-        let on = |numbers: Range<usize>| {
-            let pieces = &pieces[numbers];
-            let roundings = pieces.iter().map(|piece| arithmetic.on(&piece.sum));
-            let rounding = roundings.fold(Vector6::zeros(), |most, next| most.sup(&next)) * UPWARDS;
-            self.errors_on(columns, pieces, missed, &rounding)
-        };
+        // On all of them: it is not known yet where the step ends.
+        let roundings = pieces[all.clone()].iter().map(|piece| arithmetic.on(&piece.sum));
+        let rounding = roundings.fold(Vector6::zeros(), |most, next| most.sup(&next)) * UPWARDS;
+        let on = |numbers| self.errors_on(columns, &pieces[numbers], missed, &rounding);
         let whole = on(all.clone()).map(|(errors, _)| errors);
         if whole.is_some_and(|errors| errors.eliminated_n < small_n) {
             return whole;
