@@ -74,7 +74,8 @@ pub(super) struct Build {
     /// How often a tile of a metre may be halved: more covers more, in more bytes
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u8).range(0..=60))]
     depth: u8,
-    /// Leave out the cells that cover least, until the table has no more bytes than this
+    /// Leave out the cells that cover least, until the table has no more bytes than this; what is far from it is not made
+    /// smaller, which takes less time
     #[arg(long, value_name = "N")]
     max_bytes: Option<u32>,
     /// The table

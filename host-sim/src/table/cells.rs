@@ -15,6 +15,7 @@ use cdpr_core::table::{COORDINATES, Gap, Plane, SEED_BYTES, decoded, encoded};
 use serde::{Deserialize, Serialize};
 
 use super::border::Edge;
+use super::file;
 use super::outlook::Outlook;
 use super::patch::{HalfSpace, Patch};
 use super::place::{Point, PoseBox, largest, spread};
@@ -245,12 +246,15 @@ pub(super) struct Tiler<'a> {
     pub(super) survey: &'a Survey<'a>,
     pub(super) region: &'a PoseBox,
     pub(super) effort: Effort,
+    /// A tile that takes no more than this is not worth the time to make it smaller.
+    pub(super) spare_bytes: usize,
 }
 
 impl Tiler<'_> {
     /// Covers a tile as far as that goes.
     pub(super) fn cover(&self, tile: &PoseBox) -> Plan {
-        self.shared(self.part(tile, 0, &[]), tile)
+        let plan = self.part(tile, 0, &[]);
+        if file::bytes(&plan) <= self.spare_bytes { plan } else { self.shared(plan, tile) }
     }
 
     /// Covers a box, with one of the seeds that larger boxes had, or of its own.

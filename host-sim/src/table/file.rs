@@ -45,7 +45,7 @@ pub(super) fn write(
             return Err(WriteFault::TooLarge(count));
         }
     }
-    let total = offset::TREE + WORD_BYTES * tree.len() + SEED_BYTES * body.seeds.len() + CRC_BYTES;
+    let total = offset::TREE + body.bytes(&tree) + CRC_BYTES;
     let mut bytes = Vec::with_capacity(total);
     bytes.extend(MAGIC);
     bytes.extend(VERSION.to_le_bytes());
@@ -76,6 +76,13 @@ pub(super) fn write(
     Ok(bytes)
 }
 
+/// What a plan takes in a table.
+pub(super) fn bytes(plan: &Plan) -> usize {
+    let mut body = Body::default();
+    let tree = body.tree(plan);
+    body.bytes(&tree)
+}
+
 #[derive(Default)]
 struct Body {
     seeds: Vec<Seed>,
@@ -104,6 +111,10 @@ impl Body {
             }
             Plan::Nothing(gap) => words(Node::Nothing(*gap)),
         }
+    }
+
+    fn bytes(&self, tree: &[u16]) -> usize {
+        WORD_BYTES * tree.len() + SEED_BYTES * self.seeds.len()
     }
 
     fn cell(&mut self, cell: &Cell) -> Node {

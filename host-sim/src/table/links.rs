@@ -348,7 +348,8 @@ mod tests {
             written(&outlook.starts[0])
         };
         let effort = Effort { steps: 4, depth: 1, max_bytes: None };
-        let tiler = Tiler { prover: &prover, survey: &survey, region: &poses, effort };
+        let (spare_bytes, region) = (0, &poses);
+        let tiler = Tiler { prover: &prover, survey: &survey, region, effort, spare_bytes };
         assert!(tiler.leads_to(seed(&start), &(at, start)));
         assert!(!tiler.leads_to(seed(&other), &(at, start)));
 

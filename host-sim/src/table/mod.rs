@@ -58,6 +58,9 @@ const TILE_M: f64 = 1.0;
 const MOST_TILES: usize = 4096;
 /// Half the extent of a coordinate that is not to vary: the turn vector of a level platform in f32.
 pub const LEVEL: f64 = 1e-6;
+/// A tile is not made smaller if it takes no more than its part of the bytes that a table may have, divided by this: others
+/// take more than theirs.
+const SPARE: usize = 2;
 /// Poses at which the coverage is measured, at least, and for each cell.
 const COVERAGE_SAMPLES: usize = 20_000;
 const SAMPLES_OF_CELL: usize = 12;
@@ -357,8 +360,10 @@ impl Order {
         let (prover, region) = (self.prover(), self.region());
         let survey = self.survey(&prover, &region).ok_or(OrderError::Lost)?;
         let tiles = self.tile_boxes();
-        let (prover, survey) = (&prover, &survey);
-        let tiler = Tiler { prover, survey, region: &region.poses, effort: self.effort };
+        let (prover, survey, region, effort) = (&prover, &survey, &region.poses, self.effort);
+        let most = effort.max_bytes.map_or(0, |bytes| bytes as usize);
+        let spare_bytes = most / tiles.len() / SPARE;
+        let tiler = Tiler { prover, survey, region, effort, spare_bytes };
         let questions: Vec<(usize, PoseBox)> = wanted.iter().map(|&n| (n, tiles[n])).collect();
         Ok(crate::in_order::for_each(
             pool,

@@ -1,4 +1,5 @@
-//! Cells of a tile that can do with the seed of another: a seed takes more bytes than a cell.
+//! Cells of a tile that can do with the seed of another: a seed takes more bytes than a cell. To find them takes about half
+//! as long as to cover the tile, and is left out where there are bytes to spare.
 //!
 //! While a box is covered it is not known which seeds others will have. So at the end each cell that is alone with its
 //! seed is tried with those of the cells nearest to it in the tree; then so is each of those that share theirs with one
