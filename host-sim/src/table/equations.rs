@@ -41,7 +41,7 @@ pub(super) struct Equations<'a> {
     fold_at_slack_end: bool,
     /// What the right sides are off by, as it is and in each row at most, and what is rounded. None of chords.
     missed: Option<Aside<'a>>,
-    aside: Vector6<f64>,
+    missed_most: Vector6<f64>,
     arithmetic: Arithmetic,
     /// What the five others weigh at most in row `e`.
     weights: Option<Vector6<f64>>,
@@ -60,10 +60,10 @@ impl<'a> Equations<'a> {
         let mut back = plain.transpose();
         back.fill_column(columns.cable, 0.0);
         let weights = fed_back(&back, &row);
-        let aside = missed.as_ref().map_or(Vector6::zeros(), |missed| {
+        let missed_most = missed.as_ref().map_or(Vector6::zeros(), |missed| {
             missed.swept(columns.cable, &Vector6::zeros()).map(Interval::magnitude)
         });
-        Self { columns, course, fold_at_slack_end, missed, aside, arithmetic, weights }
+        Self { columns, course, fold_at_slack_end, missed, missed_most, arithmetic, weights }
     }
 
     fn cable(&self) -> usize {
@@ -87,8 +87,8 @@ impl<'a> Equations<'a> {
         missed + rounding + ratio.abs() * rounding[self.cable()]
     }
 
-    /// What the five others feed back into each row as they move, by a sum that is off by so much; first without what they
-    /// do as the pose moves, of which it is known how it does.
+    /// What the five others feed back into each row as they move, by a sum and by what is apart from it. How the sum moves
+    /// with the pose is known, and how the matrix turns with it: only what remains of the sum is fed back by its size.
     fn fed(&self, swept: &Swept, apart: &Vector6<f64>) -> Option<Vector6<f64>> {
         let matrix = self.columns.defect(&swept.ratio);
         let mut back = matrix;
@@ -123,7 +123,7 @@ impl<'a> Equations<'a> {
         if own.mignitude() == 0.0 {
             return own;
         }
-        let apart = self.aside + self.arithmetic.on(sum);
+        let apart = self.missed_most + self.arithmetic.on(sum);
         let rough = self.open(own, apart[cable], |i| apart[i] + sum.rows[i].magnitude());
         if rough.mignitude() > 0.0 {
             return rough;
@@ -350,7 +350,7 @@ impl<'a> Columns<'a> {
                 bound += size(self.turned[k] * others[l] + self.turned[l] * others[k]);
             }
         }
-        // Roundings of the products are far below the blur's part of them.
+        // Roundings of the products are below the 16 units of the blur that are in it.
         bound * UPWARDS
     }
 }

@@ -293,7 +293,7 @@ struct Frame<'a> {
     course: Course<'a>,
     /// How the sum changes with the pose there.
     by_pose: [Vector6<f64>; COORDINATES],
-    /// Directions of the tangents there, and what is across them, for all of the patch.
+    /// Directions of the tangents there, and what is across them in the rows, for all of the patch.
     directions: [Vector2<f64>; CABLES],
     across: Across,
 }
@@ -344,19 +344,19 @@ impl<'a> Frame<'a> {
             view.sights[i].per_newton(&inverse.matrix.row(row).transpose())
         });
         let directions = at_center.points.map(|point| point.force_by_chart_n.normalize());
-        let mut aside = Across { middle: Matrix6::zeros(), radius: Matrix6::zeros() };
+        let mut in_rows = Across { middle: Matrix6::zeros(), radius: Matrix6::zeros() };
         for (i, direction) in directions.iter().enumerate() {
             let wrench_n = view.sights[i].wrench_n(&across(direction).map(Interval::point));
             let (middle, radius) = inverse.ball(&wrench_n);
-            aside.middle.set_column(i, &middle);
-            aside.radius.set_column(i, &radius);
+            in_rows.middle.set_column(i, &middle);
+            in_rows.radius.set_column(i, &radius);
         }
         Some(Self {
             view,
             per_force,
             center: *center,
             sights,
-            across: aside,
+            across: in_rows,
             inverse,
             course,
             by_pose,
