@@ -301,6 +301,7 @@ impl Order {
         let write = |plan: &Plan| file::write(prover.robot(), prover.load(), &header, plan);
         let is_short =
             |bytes: &[u8]| self.effort.max_bytes.is_none_or(|most| bytes.len() <= most as usize);
+        let found = plan.cells();
         let plan = match self.effort.max_bytes {
             Some(_) => prune::fitting(plan, |plan| write(plan).is_ok_and(|bytes| is_short(&bytes))),
             None => plan,
@@ -308,7 +309,10 @@ impl Order {
         let bytes = write(&plan)?;
         let table = Table::open(&bytes).expect("what was just written");
         let at_start = place::pose(&start).map_err(OrderError::Pose)?;
-        let seed = table.start_at(&at_start).map_err(|_| OrderError::StartLeftOut)?;
+        // On a face of cells the reader's side may be covered by none.
+        let is_left_out = plan.cells() < found;
+        let lost = if is_left_out { OrderError::StartLeftOut } else { OrderError::StartUncovered };
+        let seed = table.start_at(&at_start).map_err(|_| lost)?;
         if !is_short(&bytes) {
             return Err(OrderError::StartLeftOut);
         }
