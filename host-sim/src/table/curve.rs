@@ -2,7 +2,7 @@
 
 use cdpr_core::chart::{Charted, Hung, chart_of_root, root};
 use cdpr_core::{CABLES, IrvineCatenary, Robot};
-use nalgebra::Vector2;
+use nalgebra::{SVector, Vector2};
 use num_traits::{One, Zero};
 
 use super::Model;
@@ -56,10 +56,10 @@ impl Reach {
 /// Its tangents by the force density of the cable, m. They turn with the pose, but do not grow as a cable gets taut, so that
 /// little cancels where they turn little.
 #[allow(clippy::struct_field_names)] // their unit
-pub(super) struct Tangent {
-    pub(super) at_m: Vector2<Interval>,
+struct Tangent {
+    at_m: Vector2<Interval>,
     /// How they change with the coordinate.
-    pub(super) bend_m: Vector2<Interval>,
+    bend_m: Vector2<Interval>,
     /// That in the middle of the range.
     middle_m: Vector2<Interval>,
 }
@@ -151,7 +151,7 @@ pub(super) fn across(direction: &Vector2<f64>) -> Vector2<f64> {
 }
 
 /// The direction in the middle of a vector.
-pub(super) fn direction(v: &Vector2<Interval>) -> Vector2<f64> {
+fn direction(v: &Vector2<Interval>) -> Vector2<f64> {
     v.map(Interval::middle).normalize()
 }
 
@@ -473,8 +473,15 @@ fn root_of(chart: Interval) -> Option<Interval> {
 }
 
 /// What two enclosures of one vector leave of it.
-pub(super) fn both(a: &Vector2<Interval>, b: &Vector2<Interval>) -> Option<Vector2<Interval>> {
-    Some(Vector2::new(a.x.intersection(b.x)?, a.y.intersection(b.y)?))
+pub(super) fn both<const N: usize>(
+    a: &SVector<Interval, N>,
+    b: &SVector<Interval, N>,
+) -> Option<SVector<Interval, N>> {
+    let mut both = *a;
+    for (both, other) in both.iter_mut().zip(b) {
+        *both = both.intersection(*other)?;
+    }
+    Some(both)
 }
 
 /// Sum of the sizes of two components.

@@ -80,11 +80,10 @@ impl<'a> Equations<'a> {
         missed.map_or(Vector6::zeros(), |missed| missed.swept(self.cable(), ratio))
     }
 
-    /// What the right sides are off by at most, where they sum to this, swept.
-    fn apart(&self, sum: &Sum, ratio: &Vector6<f64>) -> Vector6<f64> {
+    /// What is rounded where they sum to this, swept.
+    fn rounded(&self, sum: &Sum, ratio: &Vector6<f64>) -> Vector6<f64> {
         let rounding = self.arithmetic.on(sum);
-        let missed = self.missed(ratio).map(Interval::magnitude);
-        missed + rounding + ratio.abs() * rounding[self.cable()]
+        rounding + ratio.abs() * rounding[self.cable()]
     }
 
     /// What the five others feed back into each row as they move, by a sum and by what is apart from it. How the sum moves
@@ -129,7 +128,8 @@ impl<'a> Equations<'a> {
             return rough;
         }
         let cleared = self.course.cleared(sum);
-        let room = self.fed(cleared, &self.apart(sum, &cleared.ratio));
+        let missed = self.missed(&cleared.ratio).map(Interval::magnitude);
+        let room = self.fed(cleared, &(missed + self.rounded(sum, &cleared.ratio)));
         let room = room.map_or(f64::INFINITY, |fed| fed[cable]) + apart[cable];
         own + Interval::symmetric(room * UPWARDS)
     }
@@ -212,15 +212,14 @@ impl<'a> Equations<'a> {
         let mut all: Option<Vector6<Interval>> = None;
         for piece in &self.course.pieces[pieces.clone()] {
             let swept = self.course.swept(piece);
-            let fed = self.fed(swept, &self.apart(&piece.sum, &swept.ratio))?;
-            let rounding = self.arithmetic.on(&piece.sum);
             let missed = self.missed(&swept.ratio);
+            let rounded = self.rounded(&piece.sum, &swept.ratio);
+            let fed = self.fed(swept, &(missed.map(Interval::magnitude) + rounded))?;
             let here = Vector6::from_fn(|i, _| {
                 if i == cable {
                     return Interval::zero();
                 }
-                let room = fed[i] + rounding[i] + swept.ratio[i].abs() * rounding[cable];
-                missed[i] - swept.all[i] + Interval::symmetric(room * UPWARDS)
+                missed[i] - swept.all[i] + Interval::symmetric((fed[i] + rounded[i]) * UPWARDS)
             });
             all = Some(all.map_or(here, |all| all.zip_map(&here, Interval::hull)));
         }

@@ -11,7 +11,7 @@ use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
 use num_traits::Zero;
 
-use super::curve::{Fine, Heading, size, stretch};
+use super::curve::{Fine, Heading, both, size, stretch};
 use super::patch::Patch;
 use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
@@ -316,7 +316,7 @@ impl<'a, 'i> Sums<'a, 'i> {
         let heading = Heading::at(&hung)?;
         let slope = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
         let linear = Linear { here: Here::at(slope), rows: Rows::none() };
-        Some(Piece::new(self.view.seed.eliminated, chart, sum, &heading, slope, linear))
+        Some(Piece::new(cable, chart, sum, &heading, slope, linear))
     }
 
     /// Whether it is so well known which sign row `e` has on a piece, or whether it rises or falls.
@@ -502,15 +502,6 @@ impl Here {
             from + slope * self.gone_n
         })
     }
-}
-
-/// What two enclosures of one vector leave of it.
-fn both(a: &Vector6<Interval>, b: &Vector6<Interval>) -> Option<Vector6<Interval>> {
-    let mut both = *a;
-    for i in 0..CABLES {
-        both[i] = a[i].intersection(b[i])?;
-    }
-    Some(both)
 }
 
 /// How the rows of the equations change with each coordinate of the pose, those that are not followed left out: by
