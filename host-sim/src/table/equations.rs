@@ -10,13 +10,15 @@ use num_traits::Zero;
 
 use super::patch::Patch;
 use super::place::{Along, ByPose};
-use super::sums::{Course, Inverse, Piece, Sum, Swept, UPWARDS};
+use super::sums::{Affine, Course, Inverse, Piece, Sum, UPWARDS};
 use crate::interval::Interval;
 
 /// Times that the errors of a step are fed back through `A M - I`.
 const FEEDBACK: usize = 6;
 /// And what is added to each for it.
 const SHARE: f64 = 0.01;
+/// Many times the rounding of products with the matrices here, as a part of the sum of their sizes.
+const ROUNDINGS: f64 = 256.0 * f64::EPSILON;
 
 /// What the controller rounds off in each row of a step, at most: for the five others and their sum, by newton of the
 /// force of the eliminated cable, and by newton that the search along its curve leaves out. None for what is exact.
@@ -39,83 +41,69 @@ pub(super) struct Equations<'a> {
     columns: &'a Columns<'a>,
     course: &'a Course<'a>,
     fold_at_slack_end: bool,
-    /// What the right sides are off by, as it is and in each row at most, and what is rounded. None of chords.
-    missed: Option<Aside<'a>>,
+    /// What the right sides are off by, as tangents miss it, and how much that is at most; and what is rounded.
+    missed: Vector6<Interval>,
     missed_most: Vector6<f64>,
     arithmetic: Arithmetic,
     /// What the five others weigh at most in row `e`.
     weights: Option<Vector6<f64>>,
+    /// How they follow; `None` where that is not bounded.
+    others: Option<Others>,
+}
+
+/// How steeply row `e` rises on a piece as the others follow, by newton of the eliminated cable at least, and how far each
+/// follows at most.
+struct Rise {
+    least: f64,
+    others: Vector6<f64>,
+}
+
+/// The errors after a step, N.
+pub(super) struct Errors {
+    pub(super) others_n: Vector6<f64>,
+    pub(super) eliminated_n: f64,
 }
 
 impl<'a> Equations<'a> {
     pub(super) fn new(
-        columns: &'a Columns,
+        columns: &'a Columns<'a>,
         course: &'a Course<'a>,
         fold_at_slack_end: bool,
-        missed: Option<Aside<'a>>,
+        missed: Vector6<Interval>,
         arithmetic: Arithmetic,
     ) -> Self {
-        let plain = columns.defect(&Vector6::zeros());
+        let plain = columns.defect();
         let row = plain.row(columns.cable).transpose();
         let mut back = plain.transpose();
         back.fill_column(columns.cable, 0.0);
         let weights = fed_back(&back, &row);
-        let missed_most = missed.as_ref().map_or(Vector6::zeros(), |missed| {
-            missed.swept(columns.cable, &Vector6::zeros()).map(Interval::magnitude)
-        });
-        Self { columns, course, fold_at_slack_end, missed, missed_most, arithmetic, weights }
+        let others = Others::new(columns);
+        let missed_most = missed.map(Interval::magnitude);
+        Self {
+            columns,
+            course,
+            fold_at_slack_end,
+            missed,
+            missed_most,
+            arithmetic,
+            weights,
+            others,
+        }
     }
 
     fn cable(&self) -> usize {
         self.columns.cable
     }
 
-    fn others(&self, v: impl Fn(usize) -> f64) -> Vector6<f64> {
-        Vector6::from_fn(|i, _| if i == self.cable() { 0.0 } else { v(i) })
-    }
-
-    /// What tangents miss, swept.
-    fn missed(&self, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        let missed = self.missed.as_ref();
-        missed.map_or(Vector6::zeros(), |missed| missed.swept(self.cable(), ratio))
-    }
-
-    /// What is rounded where they sum to this, swept.
-    fn rounded(&self, sum: &Sum, ratio: &Vector6<f64>) -> Vector6<f64> {
-        let rounding = self.arithmetic.on(sum);
-        rounding + ratio.abs() * rounding[self.cable()]
-    }
-
-    /// What the five others feed back into each row as they move, by a sum and by what is apart from it. How the sum moves
-    /// with the pose is known, and how the matrix turns with it: only what remains of the sum is fed back by its size.
-    fn fed(&self, swept: &Swept, apart: &Vector6<f64>) -> Option<Vector6<f64>> {
-        let matrix = self.columns.defect(&swept.ratio);
-        let mut back = matrix;
-        back.fill_row(self.cable(), 0.0);
-        let moved = |right: Vector6<f64>| fed_back(&back, &self.others(|i| right[i]));
-        let turned = self.columns.turned(swept);
-        let still = swept.still.map(Interval::magnitude);
-        let fed = moved(apart + still + turned).map(|y| turned + matrix * y);
-        if self.course.patch.is_whole() {
-            return fed;
-        }
-        // Before a plane they move less than that.
-        let plain = moved(apart + swept.all.map(Interval::magnitude)).map(|y| matrix * y);
-        match (fed, plain) {
-            (Some(a), Some(b)) => Some(a.inf(&b)),
-            (a, b) => a.or(b),
-        }
-    }
-
-    /// A sum of row `e`, with what the others weigh in it at most, whatever the piece.
-    fn open(&self, sum: Interval, own: f64, right: impl Fn(usize) -> f64) -> Interval {
-        let others = self.others(right);
+    /// A sum of row `e`, with what the others weigh in it at most, for what is in each row.
+    fn open(&self, sum: Interval, own: f64, mut others: Vector6<f64>) -> Interval {
+        others[self.cable()] = 0.0;
         let room = self.weights.map_or(f64::INFINITY, |weights| weights.dot(&others));
         sum + Interval::symmetric((room + own) * UPWARDS)
     }
 
     /// The left side of the one equation on a piece, as far as its sign matters. Mostly it is enough to know what the
-    /// others weigh; where it is not, what is fed back on the piece is swept.
+    /// others weigh; where it is not, it is told how they follow.
     fn value(&self, sum: &Sum) -> Interval {
         let cable = self.cable();
         let own = sum.rows[cable];
@@ -123,18 +111,21 @@ impl<'a> Equations<'a> {
             return own;
         }
         let apart = self.missed_most + self.arithmetic.on(sum);
-        let rough = self.open(own, apart[cable], |i| apart[i] + sum.rows[i].magnitude());
+        let rough = self.open(own, apart[cable], apart + sum.rows.map(Interval::magnitude));
         if rough.mignitude() > 0.0 {
             return rough;
         }
-        let cleared = self.course.cleared(sum);
-        let missed = self.missed(&cleared.ratio).map(Interval::magnitude);
-        let room = self.fed(cleared, &(missed + self.rounded(sum, &cleared.ratio)));
-        let room = room.map_or(f64::INFINITY, |fed| fed[cable]) + apart[cable];
-        own + Interval::symmetric(room * UPWARDS)
+        let Some(others) = &self.others else { return rough };
+        let Some(followed) = others.follow(&sum.affine, &apart) else { return rough };
+        let patch = self.course.patch;
+        let value = followed.rows.over(patch, cable);
+        if value.mignitude() > 0.0 {
+            return value;
+        }
+        followed.balanced(others, patch, cable).rows.over(patch, cable)
     }
 
-    /// And its slope, as far as its sign matters.
+    /// And its slope, by newton of the eliminated cable, as far as its sign matters.
     fn slope(&self, piece: &Piece) -> Interval {
         let cable = self.cable();
         let slope = piece.slope[cable];
@@ -142,15 +133,24 @@ impl<'a> Equations<'a> {
             return slope;
         }
         let apart = self.arithmetic.unit * piece.tangent;
-        let own = apart[cable];
-        let rough = self.open(slope, own, |i| apart[i] + piece.slope[i].magnitude());
+        let rough = self.open(slope, apart[cable], apart + piece.slope.map(Interval::magnitude));
         if rough.mignitude() > 0.0 {
             return rough;
         }
-        let swept = self.course.swept_slope(piece);
-        let apart = apart + swept.ratio.abs() * own;
-        let room = self.fed(swept, &apart).map_or(f64::INFINITY, |fed| fed[cable]);
-        slope + Interval::symmetric((room + own) * UPWARDS)
+        let followed = self.followed_slope(piece);
+        followed.map_or(rough, |followed| followed.rows.over(self.course.patch, cable))
+    }
+
+    fn followed_slope(&self, piece: &Piece) -> Option<Followed> {
+        let apart = self.arithmetic.unit * piece.tangent;
+        self.others.as_ref()?.follow(&piece.affine_slope, &apart)
+    }
+
+    /// `None` where it may not rise.
+    fn rise(&self, piece: &Piece) -> Option<Rise> {
+        let followed = self.followed_slope(piece)?;
+        let least = followed.rows.over(self.course.patch, self.cable()).low();
+        (least > 0.0).then(|| Rise { least, others: followed.rows.most() })
     }
 
     /// The left side at the lower end of a fine piece, or the upper one of the last.
@@ -208,22 +208,147 @@ impl<'a> Equations<'a> {
 
     /// How far the others move, N, with the eliminated cable on one of the pieces.
     pub(super) fn moved(&self, pieces: &Range<usize>) -> Option<Vector6<Interval>> {
-        let cable = self.cable();
+        let (cable, patch) = (self.cable(), self.course.patch);
+        let others = self.others.as_ref()?;
         let mut all: Option<Vector6<Interval>> = None;
         for piece in &self.course.pieces[pieces.clone()] {
-            let swept = self.course.swept(piece);
-            let missed = self.missed(&swept.ratio);
-            let rounded = self.rounded(&piece.sum, &swept.ratio);
-            let fed = self.fed(swept, &(missed.map(Interval::magnitude) + rounded))?;
+            let mut affine = piece.sum.affine;
+            affine.middle -= self.missed.map(Interval::middle);
+            let apart = self.missed.map(Interval::radius) + self.arithmetic.on(&piece.sum);
+            let followed = others.follow(&affine, &apart)?.balanced(others, patch, cable);
             let here = Vector6::from_fn(|i, _| {
                 if i == cable {
-                    return Interval::zero();
+                    Interval::zero()
+                } else {
+                    -followed.rows.where_zero(patch, cable, i)
                 }
-                missed[i] - swept.all[i] + Interval::symmetric((fed[i] + rounded[i]) * UPWARDS)
             });
             all = Some(all.map_or(here, |all| all.zip_map(&here, Interval::hull)));
         }
         all
+    }
+
+    /// The errors after a step that misses so much, with the solution on some pieces, and the step on some that these are
+    /// part of.
+    pub(super) fn errors(&self, solutions: &Range<usize>, all: &Range<usize>) -> Option<Errors> {
+        let pieces = &self.course.pieces;
+        // On all of them: it is not known yet where the step ends.
+        let rounding = pieces[all.clone()].iter().map(|piece| self.arithmetic.on(&piece.sum));
+        let rounding = rounding.fold(Vector6::zeros(), |most, next| most.sup(&next));
+        let alone_n = fed_back(&self.columns.defect(), &(self.missed_most + rounding))?;
+        let reach_n = alone_n[self.cable()];
+        let (mut pulled, mut steepest) = (Vector6::zeros(), 0.0_f64);
+        let mut rise_n = |number: usize| {
+            let piece: &Piece = pieces.get(number)?;
+            let Rise { least, others } = self.rise(piece)?;
+            pulled = others.map(|other| other / least).sup(&pulled);
+            steepest = steepest.max(piece.tangent / least);
+            Some(least * piece.along_n)
+        };
+        for number in solutions.clone() {
+            rise_n(number)?;
+        }
+        // And as far beyond as it may get.
+        let mut left_n = reach_n;
+        for number in (all.start..solutions.start).rev() {
+            if left_n < 0.0 {
+                break;
+            }
+            left_n -= rise_n(number)? / UPWARDS;
+        }
+        let mut left_n = reach_n;
+        for number in solutions.end..all.end {
+            if left_n < 0.0 {
+                break;
+            }
+            left_n -= rise_n(number)? / UPWARDS;
+        }
+        let others_n = (alone_n + pulled * reach_n) * UPWARDS;
+        Some(Errors { others_n, eliminated_n: reach_n * steepest * UPWARDS })
+    }
+}
+
+/// `N = A M - 1` over a patch, multiplied with what inverts it in the middle, where nothing is left of it then. Column `e`
+/// is zero.
+struct Others {
+    /// That inverse.
+    base: Matrix6<f64>,
+    sizes: Matrix6<f64>,
+    /// How each coordinate of the pose turns it at most, and all of them.
+    turned: [Matrix6<f64>; COORDINATES],
+    turning: Matrix6<f64>,
+    /// What there is of it besides, and all of it.
+    besides: Matrix6<f64>,
+    all: Matrix6<f64>,
+}
+
+impl Others {
+    fn new(columns: &Columns) -> Option<Self> {
+        let (one, middle) = (Matrix6::identity(), &columns.defect);
+        let mut base = (one + middle).try_inverse()?;
+        // Exactly.
+        base.set_column(columns.cable, &one.column(columns.cable));
+        let sizes = base.abs();
+        let turned = columns.turned.map(|turned| base * turned);
+        let sum = |of: &[Matrix6<f64>]| of.iter().fold(Matrix6::zeros(), |sum, m| sum + m.abs());
+        let turning = sum(&turned);
+        let left = (base * (one + middle) - one).abs();
+        let rounded = sizes * (one + middle.abs() + sum(&columns.turned));
+        let open = columns.slanted.abs() + columns.blur;
+        let mut besides = (sizes * open + left + rounded * ROUNDINGS) * UPWARDS;
+        besides.fill_column(columns.cable, 0.0);
+        let all = (turning + besides) * UPWARDS;
+        Some(Self { base, sizes, turned, turning, besides, all })
+    }
+
+    /// What becomes of the rows `r` as the others follow: `u = (1 + N)^-1 r`, of which row `e` is the left side of the one
+    /// equation, and the others are minus how far those move. `None` where that is not bounded.
+    fn follow(&self, rows: &Affine, apart: &Vector6<f64>) -> Option<Followed> {
+        let Self { base, sizes, turned, turning, all, .. } = self;
+        let sum = |of: &[Vector6<f64>]| of.iter().fold(Vector6::zeros(), |sum, v| sum + v.abs());
+        let middle = base * rows.middle;
+        let mut along = rows.along.map(|along| base * along);
+        let moving = sum(&along);
+        let rounded = sizes * (rows.middle.abs() + sum(&rows.along));
+        let rounded = rounded + turning * (middle.abs() + moving);
+        let open = sizes * (rows.open + apart) + rounded * ROUNDINGS;
+        let most = fed_back(all, &(middle.abs() + moving + open))?;
+        let mut twice = turning * (open + turning * (moving + open));
+        for (along, turned) in along.iter_mut().zip(turned) {
+            *along -= turned * middle;
+        }
+        for (k, turned_k) in turned.iter().enumerate() {
+            twice += (turned_k * along[k]).abs() + (turned_k * along[COORDINATES]).abs();
+            for (l, turned_l) in turned.iter().enumerate().take(k) {
+                twice += (turned_k * along[l] + turned_l * along[k]).abs();
+            }
+        }
+        Some(self.within(&Affine { middle, along, open: open + twice }, &most))
+    }
+
+    /// What is made of that besides, where none of it is more than so much.
+    fn within(&self, short: &Affine, most: &Vector6<f64>) -> Followed {
+        let besides = self.besides * most;
+        let thrice = self.turning * (besides + self.turning * (self.all * most));
+        let open = (short.open + besides + thrice) * UPWARDS;
+        Followed { rows: Affine { open, ..*short }, short: *short }
+    }
+}
+
+/// What becomes of rows as the others follow.
+struct Followed {
+    rows: Affine,
+    /// Without what is made of it by what bounds all of it only.
+    short: Affine,
+}
+
+impl Followed {
+    /// The same where row `e` is zero, and the others move less for it.
+    fn balanced(&self, others: &Others, patch: &Patch, cable: usize) -> Self {
+        let most = Vector6::from_fn(|i, _| {
+            if i == cable { 0.0 } else { self.rows.where_zero(patch, cable, i).magnitude() }
+        });
+        others.within(&self.short, &most)
     }
 }
 
@@ -233,25 +358,16 @@ pub(super) struct Across {
     pub(super) radius: Matrix6<f64>,
 }
 
-/// What tangents miss of curves across them, N.
-pub(super) struct Aside<'a> {
-    pub(super) across: &'a Across,
-    pub(super) by_cable_n: [Interval; CABLES],
-}
-
-impl Aside<'_> {
-    /// In the rows, with row `e` times factors taken from the others.
-    pub(super) fn swept(&self, cable: usize, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        // Sums of six products of a difference are off by fewer units than these of the sum of their sizes.
-        const ROUNDING: f64 = 16.0 * f64::EPSILON;
-        let of = |part: fn(Interval) -> f64| Vector6::from_fn(|i, _| part(self.by_cable_n[i]));
-        let Across { middle, radius } = self.across;
-        let taken = ratio * middle.row(cable);
-        let swept = middle - taken;
-        let open = radius + ratio.abs() * radius.row(cable);
-        let open = open + (middle.abs() + taken.abs()) * ROUNDING;
-        let room = swept.abs() * of(Interval::radius) + open * of(Interval::magnitude);
-        (swept * of(Interval::middle)).zip_map(&(room * UPWARDS), Interval::around)
+impl Across {
+    /// What so much across each makes.
+    pub(super) fn times(&self, by_cable_n: &[Interval; CABLES]) -> Vector6<Interval> {
+        // Sums of six products are off by fewer units than these of the sum of their sizes.
+        const ROUNDING: f64 = 8.0 * f64::EPSILON;
+        let of = |part: fn(Interval) -> f64| Vector6::from_fn(|i, _| part(by_cable_n[i]));
+        let sizes = self.middle.abs();
+        let room = sizes * of(Interval::radius)
+            + (self.radius + sizes * ROUNDING) * of(Interval::magnitude);
+        (self.middle * of(Interval::middle)).zip_map(&(room * UPWARDS), Interval::around)
     }
 }
 
@@ -316,41 +432,10 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Bound of `|A M - I|`, column `e` zero, after row `e` times the factors was taken from the others.
-    pub(super) fn defect(&self, ratio: &Vector6<f64>) -> Matrix6<f64> {
-        let mut bound = self.still(ratio);
-        for turned in self.turned.iter().take(self.along.count()) {
-            bound += (turned - ratio * turned.row(self.cable)).abs();
-        }
-        bound * UPWARDS
-    }
-
-    /// What of it does not turn with the pose.
-    fn still(&self, ratio: &Vector6<f64>) -> Matrix6<f64> {
-        let swept = |matrix: &Matrix6<f64>| (matrix - ratio * matrix.row(self.cable)).abs();
-        let blur = self.blur + ratio.abs() * self.blur.row(self.cable);
-        swept(&self.defect) + swept(&self.slanted) + blur
-    }
-
-    /// A bound on what it makes of what moves with the pose, in which both are known to do so together.
-    fn turned(&self, swept: &Swept) -> Vector6<f64> {
-        let Swept { ratio, moved, .. } = swept;
-        let count = self.along.count();
-        let others = moved.map(|mut moved| {
-            moved[self.cable] = 0.0;
-            moved
-        });
-        let size = |v: Vector6<f64>| (v - ratio * v[self.cable]).abs();
-        let reach = others.iter().take(count).fold(Vector6::zeros(), |sum, next| sum + next.abs());
-        let mut bound = self.still(ratio) * reach;
-        for k in 0..count {
-            bound += size(self.turned[k] * others[k]);
-            for l in 0..k {
-                bound += size(self.turned[k] * others[l] + self.turned[l] * others[k]);
-            }
-        }
-        // Roundings of the products are below the 16 units of the blur that are in it.
-        bound * UPWARDS
+    /// Bound of `|A M - I|`, column `e` zero.
+    fn defect(&self) -> Matrix6<f64> {
+        let still = self.defect.abs() + self.slanted.abs() + self.blur;
+        self.turned.iter().fold(still, |bound, turned| bound + turned.abs()) * UPWARDS
     }
 }
 
@@ -382,11 +467,10 @@ pub(super) fn fed_back(defect: &Matrix6<f64>, right: &Vector6<f64>) -> Option<Ve
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix6, Vector6};
     use rand::rngs::ChaCha8Rng;
     use rand::{Rng, RngExt as _, SeedableRng as _};
 
-    use super::super::place::Along;
+    use super::super::place::{Along, PoseBox};
     use super::*;
 
     fn number(random: &mut impl Rng) -> f64 {
@@ -397,18 +481,21 @@ mod tests {
         Vector6::from_fn(|_, _| number(random))
     }
 
-    /// Factors of all rows but that of a cable.
-    fn factors(cable: usize, random: &mut impl Rng) -> Vector6<f64> {
-        let mut ratio = vector(random) * 4.0;
-        ratio[cable] = 0.0;
-        ratio
+    /// A matrix whose column of a cable is zero.
+    fn matrix(size: f64, cable: usize, random: &mut impl Rng) -> Matrix6<f64> {
+        let mut matrix = Matrix6::from_fn(|_, _| size * number(random));
+        matrix.fill_column(cable, 0.0);
+        matrix
     }
 
-    /// For any pose and any slants, what the matrix makes of what moves with the pose is within its bound, which is far
-    /// less than if both were taken for independent; and it is within the bound on the matrix alone.
+    /// For any pose, slants and what is not known besides, what becomes of rows as the others follow is what is said of
+    /// them, and where row `e` is zero what is said of that, which is far less. So it is of what the others weigh in row
+    /// `e` at most.
     #[test]
-    fn what_turns_and_moves_with_the_pose_is_bounded_together() {
-        let (mut together, mut apart) = (0.0, 0.0);
+    fn rows_are_what_becomes_of_them_as_the_others_follow() {
+        let (mut all, mut apart, mut zeros, mut reached) = ([0.0; 3], 0.0, 0, 0.0_f64);
+        let region = PoseBox { low: [-1.0; COORDINATES], high: [1.0; COORDINATES] };
+        let patch = Patch::whole(region);
         for seed in 0..200 {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             let cable = random.random_range(0..CABLES);
@@ -419,57 +506,79 @@ mod tests {
             };
             let along = Along::PositionAndTurn { moment_arm_m: 1.0 };
             let mut columns = Columns::new(&inverse, cable, along);
-            let random_matrix = |size: f64, random: &mut ChaCha8Rng| {
-                let mut matrix = Matrix6::from_fn(|_, _| size * number(random));
-                matrix.fill_column(cable, 0.0);
-                matrix
+            columns.defect = matrix(0.03, cable, &mut random);
+            columns.slanted = matrix(0.01, cable, &mut random);
+            columns.turned = std::array::from_fn(|_| matrix(0.03, cable, &mut random));
+            columns.blur = matrix(0.005, cable, &mut random).abs();
+            let mut open = vector(&mut random).abs() * 0.1;
+            open[cable] = 1.0;
+            let rows = Affine {
+                middle: vector(&mut random) * 3.0,
+                along: std::array::from_fn(|_| vector(&mut random)),
+                open,
             };
-            columns.defect = random_matrix(0.01, &mut random);
-            columns.slanted = random_matrix(0.02, &mut random);
-            columns.turned = std::array::from_fn(|_| random_matrix(0.1, &mut random));
-            columns.blur = random_matrix(0.01, &mut random).abs();
-            let swept = Swept {
-                ratio: factors(cable, &mut random),
-                all: Vector6::zeros(),
-                moved: std::array::from_fn(|_| vector(&mut random)),
-                still: Vector6::zeros(),
-            };
-            let bound = columns.turned(&swept);
-            let defect = columns.defect(&swept.ratio);
-            for _ in 0..100 {
-                let pose = vector(&mut random);
-                let slants = Matrix6::from_diagonal(&vector(&mut random));
-                let blur = columns.blur.map(|blur| blur * number(&mut random));
-                let mut matrix = columns.defect + columns.slanted * slants + blur;
-                let mut moved = Vector6::zeros();
-                for k in 0..COORDINATES {
-                    matrix += columns.turned[k] * pose[k];
-                    moved += swept.moved[k] * pose[k];
-                }
-                moved[cable] = 0.0;
-                let matrix = matrix - swept.ratio * matrix.row(cable);
-                let made = matrix * moved;
-                for i in 0..CABLES {
-                    assert!(made[i].abs() <= bound[i], "{seed}: {} of {}", made[i], bound[i]);
-                    for j in 0..CABLES {
-                        assert!(matrix[(i, j)].abs() <= defect[(i, j)], "{seed}");
+            let others = Others::new(&columns).expect("it is close to one");
+            let followed = others.follow(&rows, &Vector6::zeros()).expect("bounded");
+            let balanced = followed.balanced(&others, &patch, cable);
+            let weighed = fed_back(&columns.defect(), &rows.most()).expect("bounded");
+            let mut ends = [[0.0_f64; 2]; CABLES];
+            for _ in 0..300 {
+                let part = |random: &mut ChaCha8Rng| {
+                    if random.random() { number(random).signum() } else { number(random) }
+                };
+                let pose: [f64; COORDINATES + 1] = std::array::from_fn(|_| part(&mut random));
+                let slants = Matrix6::from_diagonal(&Vector6::from_fn(|_, _| part(&mut random)));
+                let blur = columns.blur.map(|blur| blur * part(&mut random));
+                let mut turned = Matrix6::identity() + columns.defect;
+                turned += columns.slanted * slants + blur;
+                let mut right = rows.middle + rows.open.map(|open| open * part(&mut random));
+                for (k, part) in pose.iter().enumerate() {
+                    right += rows.along[k] * *part;
+                    if k < COORDINATES {
+                        turned += columns.turned[k] * *part;
                     }
                 }
+                let becomes = turned.try_inverse().expect("regular") * right;
+                for i in 0..CABLES {
+                    assert!(followed.rows.over(&patch, i).contains(becomes[i]), "{seed}");
+                    assert!(becomes[i].abs() <= weighed[i], "{seed}");
+                    ends[i] = [ends[i][0].min(becomes[i]), ends[i][1].max(becomes[i])];
+                }
+                // Row `e` with what makes it zero, if that is open.
+                if becomes[cable].abs() > 0.5 {
+                    continue;
+                }
+                let mut zero = rows;
+                zero.open[cable] = 1.5;
+                let zero = others.follow(&zero, &Vector6::zeros()).expect("bounded");
+                let less = zero.balanced(&others, &patch, cable);
+                for i in (0..CABLES).filter(|i| *i != cable) {
+                    assert!(zero.rows.where_zero(&patch, cable, i).contains(becomes[i]), "{seed}");
+                    assert!(less.rows.where_zero(&patch, cable, i).contains(becomes[i]), "{seed}");
+                    zeros += 1;
+                }
             }
-            let mut reach = swept.moved.iter().fold(Vector6::zeros(), |sum, v| sum + v.abs());
-            reach[cable] = 0.0;
-            together += bound.sum();
-            apart += (defect * reach).sum();
+            for i in (0..CABLES).filter(|i| *i != cable) {
+                let over = followed.rows.over(&patch, i);
+                all[0] += over.radius();
+                all[1] += followed.rows.where_zero(&patch, cable, i).radius();
+                all[2] += balanced.rows.where_zero(&patch, cable, i).radius();
+                apart += weighed[i];
+                reached = reached.max((ends[i][1] - ends[i][0]) / (2.0 * over.radius()));
+            }
         }
-        assert!(together < 0.6 * apart, "{together} of {apart}");
+        let [over, zero, balanced] = all;
+        assert!(zeros > 10_000, "{zeros}");
+        assert!(over < 0.8 * apart && zero < over && balanced < zero, "{all:?} {apart}");
+        // They are not far too wide either.
+        assert!(reached > 0.5, "{reached}");
     }
 
     /// Whatever is missed by each cable is in the rows that are said of all.
     #[test]
-    fn what_is_missed_aside_is_in_its_rows() {
+    fn what_is_missed_across_is_in_its_rows() {
         for seed in 0..200 {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
-            let cable = random.random_range(0..CABLES);
             let across = Across {
                 middle: Matrix6::from_fn(|_, _| number(&mut random)),
                 radius: Matrix6::from_fn(|_, _| 0.01 * number(&mut random).abs()),
@@ -478,8 +587,7 @@ mod tests {
                 let (a, b) = (number(&mut random), number(&mut random));
                 Interval::new(a.min(b), a.max(b))
             });
-            let ratio = factors(cable, &mut random);
-            let rows = Aside { across: &across, by_cable_n }.swept(cable, &ratio);
+            let rows = across.times(&by_cable_n);
             for _ in 0..100 {
                 let columns =
                     across.middle + across.radius.map(|radius| radius * number(&mut random));
@@ -487,8 +595,7 @@ mod tests {
                     random.random_range(by_cable_n[i].low()..=by_cable_n[i].high())
                 });
                 let all = columns * missed_n;
-                let swept = all - ratio * all[cable];
-                assert!((0..CABLES).all(|i| rows[i].contains(swept[i])), "{seed}");
+                assert!((0..CABLES).all(|i| rows[i].contains(all[i])), "{seed}");
             }
         }
     }

@@ -127,11 +127,6 @@ impl Patch {
         (0..COORDINATES).map(|k| a[k] * b[k] * side(k) * side(k)).sum()
     }
 
-    /// Whether no plane cuts anything off.
-    pub(super) fn is_whole(&self) -> bool {
-        self.cut.is_none()
-    }
-
     /// How far from the middle a coordinate may be.
     pub(super) fn aside(&self, k: usize) -> Interval {
         self.aside[k]

@@ -32,14 +32,11 @@
 //!            p'_i = pc_i + a_i + y_i/r_i                         i not e
 //! ```
 //!
-//! `S(P, pc)` is enclosed by the mean value theorem over the pose. The curve of `e` is walked in short pieces; the
-//! second line, with `|y|` bounded by the first, tells on which of them `q` may be, with what sign the left side
-//! leaves zero on both sides, and that its slope `det` is of the right sign there. (On a piece the first lines are used
-//! less multiples of the second: those with which they do not depend on where on the piece `q` is, or those with which
-//! nothing is left of them in the middle. What is shown to be no zero with `K` and `R` is none with `t K` and `t R`
-//! either, for `t` from 0 to 1, nor is `det (1 + t K)`, which no such multiple changes, so that the signs are those of
-//! `t = 0`.) So `q` is found by any search that goes by these signs, however sharp the bend, and the first line bounds the
-//! others.
+//! `S(P, pc)` is enclosed by the mean value theorem over the pose. The curve of `e` is walked in short pieces; of the rows
+//! `r = A (S + G_e F_e(q)) - A R` on a piece there becomes `u = (1 + K)^-1 r` as the other cables follow: `u_i = -y_i`, and
+//! `u_e` is the left side of the one equation that is left. It tells on which pieces `q` may be, with what sign it leaves
+//! zero on both sides, and that its slope `((1 + K)^-1 A G_e F_e')_e`, which has the sign of `det`, is of the right sign
+//! there. So `q` is found by any search that goes by these signs, however sharp the bend, and `u_i` bounds the others.
 //!
 //! # The solution
 //!
@@ -58,11 +55,11 @@
 //! sum_(i not e) M_i(P, p_i) e_i + G_e (F_e(q) - F_e(q*)) = sum_(i not e) G_i b_i n_i,      p'_i - p*_i = a_i + e_i/r_i
 //! ```
 //!
-//! The difference on the left is an integral of `F_e'` over pieces on which row `e` of `A G_e F_e'` is positive, so
-//! that each of its other rows is at most so many times that one: no curvature of the eliminated cable enters, but how
-//! the directions of its tangents differ from `q*` to `q`. These are not far from each other. If the right side grew from
-//! nothing to what it is, `q` would go from `q*` to where it is, on pieces on which row `e` rises; while it is on pieces
-//! near `q*` the bound is that of these; and if by that it does not come to their ends, it never leaves them.
+//! The difference on the left is an integral of `F_e'` over pieces on which the slope is positive. So from row `e` of
+//! `(1 + K)^-1`, times all of it, that of the slope is known, and with the least slopes how far `q` is from `q*`; and by how
+//! much the others follow at most on these pieces, how far they are off for it: no curvature of the eliminated cable
+//! enters. If the right side grew from nothing to what it is, `q` would go from `q*` to where it is, over no more pieces
+//! than make up for that integral.
 //!
 //! `a` and `b` are enclosed thrice: as they stand; by `F_i''` and how fast the direction of `F_i'` turns over all that lies
 //! between iterate and solution; and by how far both change over it at most, where they change most at its end. Beginning
@@ -76,9 +73,21 @@
 //! enclosed by the mean value theorem: as at the middle of the patch, and for each coordinate a derivative, summed over
 //! the cables and multiplied with `A` before its size is taken. A turn that is hardly any is enclosed as it stands.
 //!
-//! To first order in the pose it is known how `K` turns and how the others move, `y = -C (P - Pc)`. So what the one makes
-//! of the other is a quadratic form, of which each coefficient is a sum over the cables, much of which cancels. Only what
-//! `y` is off by besides is multiplied with a bound on `K`.
+//! So rows are `r = c + m d + o` and the matrix is `K = T d + s`, with how far the pose `d` is aside, from -1 to 1 in each
+//! coordinate, and with small `o` and `s` of which only bounds are known (`K` is zero in the middle after one more
+//! multiplication). What becomes of them as the others follow is a series,
+//!
+//! ```text
+//! u = r - K u = c + (m - T c) d - T (m - T c) d d + (1 - T d) o + T d T d (m d + o) - (1 - T d) s u - T d T d K u
+//! ```
+//!
+//! in which what is of first and second order in the pose is summed before its size is taken, much of which cancels, and
+//! only the rest is bounded by sizes.
+//!
+//! Where row `e` is zero the others are `u_i - t u_e` for any `t`. The best `t`, for either end of `u_i`, is that of a
+//! linear program: so only those poses count at which the eliminated cable is on the piece. With `u` bounded by that the
+//! rest is less. What is shown in this way to be no zero has the sign of `c`: on the way from `d`, `o` and `s` to nothing all
+//! bounds hold.
 //!
 //! # Folds
 //!
@@ -100,12 +109,12 @@ use num_traits::{One, Zero};
 
 use super::Model;
 use super::curve::{Curves, Heading, Reach, across, size};
-use super::equations::{Across, Arithmetic, Aside, Columns, Equations};
+use super::equations::{Across, Arithmetic, Columns, Equations, Errors};
 use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
 use super::sums::{Course, Inverse, Sums, UPWARDS, View};
 use crate::interval::Interval;
-use newton::{Errors, Missed};
+use newton::Missed;
 
 /// Newton steps at the middle of a box, to find the solution there.
 const SETTLING_STEPS: usize = 30;
@@ -431,25 +440,21 @@ impl<'a> Frame<'a> {
         Some(())
     }
 
-    /// What a step obeys with these tangents, right sides and roundings.
+    /// What a step obeys with these tangents, what they miss across them, and roundings.
     fn equations<'e>(
         &'e self,
         columns: &'e Columns,
-        missed: Option<Aside<'e>>,
+        aside_n: &[Interval; CABLES],
         arithmetic: Arithmetic,
     ) -> Equations<'e> {
         let fold_at_slack_end = self.view.seed.fold_at_slack_end;
+        let missed = self.across.times(aside_n);
         Equations::new(columns, &self.course, fold_at_slack_end, missed, arithmetic)
     }
 
     /// What they obey that miss nothing: chords, in place of the steps of a controller.
     fn exact<'e>(&'e self, columns: &'e Columns) -> Equations<'e> {
-        self.equations(columns, None, Arithmetic::default())
-    }
-
-    /// What tangents miss across them.
-    fn aside(&self, by_cable_n: [Interval; CABLES]) -> Aside<'_> {
-        Aside { by_cable_n, across: &self.across }
+        self.equations(columns, &[Interval::zero(); CABLES], Arithmetic::default())
     }
 
     /// The step from anywhere in `at`; `None` where it may not lead to one place, or not to the solutions as the right side
@@ -462,8 +467,7 @@ impl<'a> Frame<'a> {
         let missed = self.missed(&tangents, at, &center, &errors)?;
         let arithmetic = self.arithmetic(&tangents, &missed, &errors);
         let Missed { aside_n, along } = missed;
-        let missed = Some(self.aside(aside_n));
-        let equations = self.equations(&tangents.columns, missed, arithmetic);
+        let equations = self.equations(&tangents.columns, &aside_n, arithmetic);
         let pieces = equations.pieces()?;
         equations.leads_to(&pieces).then_some(())?;
         equations.rise_on(&solutions.pieces).then_some(())?;
@@ -536,10 +540,10 @@ impl<'a> Frame<'a> {
                 .ok_or(Gap::TooManySteps)?;
             let arithmetic = self.arithmetic(&stage.tangents, &missed, &errors);
             let Missed { aside_n, along } = missed;
-            let aside = self.aside(aside_n);
+            let equations = self.equations(&stage.tangents.columns, &aside_n, arithmetic);
             let (a, b) = (&stage.pieces, &solutions.pieces);
             let pieces = a.start.min(b.start)..a.end.max(b.end);
-            let after = self.errors(&stage.tangents.columns, pieces, &aside, &arithmetic, near_n);
+            let after = equations.errors(&solutions.pieces, &pieces);
             let Errors { others_n: after_n, eliminated_n } = after.ok_or(Gap::TooManySteps)?;
             let rate = |i: usize| stage.tangents.rate_n(i).low();
             iterate = std::array::from_fn(|i| {

@@ -1,19 +1,16 @@
 //! What the equations sum to over a patch of poses, along the curve of the eliminated cable: see
 //! [`proof`](super::proof) for what is made of it.
 
-use std::cell::OnceCell;
-
 use cdpr_core::CABLES;
 use cdpr_core::chart::{CROSSING_WIDTH, ChartStep, Start};
 use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
-use num_traits::Zero;
 
 use super::curve::{Fine, Heading, both, size, stretch};
 use super::patch::Patch;
-use super::place::{Along, ByPose, Loading, Sight};
+use super::place::{Along, ByPose, Loading, Point, Sight};
 use super::proof::Prover;
 use crate::interval::Interval;
 
@@ -63,14 +60,75 @@ impl<'a> View<'a> {
     }
 }
 
-/// A sum for all poses of a patch, with row `e` times factors taken from each other row.
-pub(super) struct Swept {
-    /// These factors; none for row `e` itself.
-    pub(super) ratio: Vector6<f64>,
-    pub(super) all: Vector6<Interval>,
-    /// How far it moves with each coordinate of the pose at most, and what remains of it without that.
-    pub(super) moved: [Vector6<f64>; COORDINATES],
-    pub(super) still: Vector6<Interval>,
+/// Rows over a patch, as affine functions of the pose and of where on a piece the eliminated cable is.
+#[derive(Clone, Copy)]
+pub(super) struct Affine {
+    pub(super) middle: Vector6<f64>,
+    /// How far each coordinate moves them at most, and that place.
+    pub(super) along: [Vector6<f64>; COORDINATES + 1],
+    /// What they are off by besides at most.
+    pub(super) open: Vector6<f64>,
+}
+
+impl Affine {
+    /// With a way along a piece that begins there: how all rows change with it, and how far it is.
+    fn gone(self, slope: &Vector6<Interval>, gone_n: Interval) -> Self {
+        let (slope_middle, middle) = (slope.map(Interval::middle), gone_n.middle());
+        let mut along = self.along;
+        along[COORDINATES] = slope_middle * gone_n.radius();
+        let blur = slope.map(Interval::radius) + slope_middle.abs() * (4.0 * f64::EPSILON);
+        let open = (self.open + blur * gone_n.magnitude()) * UPWARDS;
+        Self { middle: self.middle + slope_middle * middle, along, open }
+    }
+
+    /// All values of a row.
+    pub(super) fn over(&self, patch: &Patch, i: usize) -> Interval {
+        let by_pose: Point = std::array::from_fn(|k| {
+            let along = self.along[k][i];
+            if along == 0.0 { 0.0 } else { along / patch.aside(k).magnitude() }
+        });
+        let aside = self.along[COORDINATES][i].abs() + self.open[i];
+        patch.spread(&by_pose, &[0.0; COORDINATES]) + Interval::around(self.middle[i], aside)
+    }
+
+    /// Those where another row is zero: less multiples of it, the best for each end.
+    pub(super) fn where_zero(&self, patch: &Patch, zero: usize, i: usize) -> Interval {
+        // Sums of ten are off by fewer units than these of the sum of their sizes.
+        const ROUNDING: f64 = 16.0 * f64::EPSILON;
+        // The terms |a - t b| of the bound; they turn over at a/b.
+        let terms: [[f64; 2]; COORDINATES + 2] = std::array::from_fn(|k| {
+            self.along.get(k).map_or([0.0, self.open[zero]], |along| [along[i], along[zero]])
+        });
+        let mut turns = terms.map(|[a, b]| if b == 0.0 { [0.0; 2] } else { [a / b, b.abs()] });
+        turns.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let all: f64 = turns.iter().map(|[_, weight]| weight).sum();
+        let most = |way: f64| {
+            let with = |t: f64| {
+                let spread = terms.iter().map(|[a, b]| (a - t * b).abs()).sum::<f64>();
+                let sizes = terms.iter().map(|[a, b]| a.abs() + (t * b).abs()).sum::<f64>();
+                let [own, other] = [self.middle[i], t * self.middle[zero]];
+                let rounding = (own.abs() + other.abs() + sizes) * ROUNDING;
+                way * (own - other) + spread + self.open[i] + rounding
+            };
+            // It falls with t until then.
+            let mut slope = -way * self.middle[zero] - all;
+            let least = turns.iter().find(|[_, weight]| {
+                slope += 2.0 * weight;
+                slope >= 0.0
+            });
+            let [t, _] = least.unwrap_or(&turns[turns.len() - 1]);
+            with(*t).min(with(0.0))
+        };
+        let (high, low) = (most(1.0), -most(-1.0));
+        let all = self.over(patch, i);
+        Interval::new(low.min(high), high.max(low)).intersection(all).unwrap_or(all)
+    }
+
+    /// How large they are at most.
+    pub(super) fn most(&self) -> Vector6<f64> {
+        let along = self.along.iter().fold(Vector6::zeros(), |sum, along| sum + along.abs());
+        (self.middle.abs() + along + self.open) * UPWARDS
+    }
 }
 
 /// What the equations sum to, `A (S(P, pc) + G F(q))`, for all poses of a patch, with `q` anywhere on a piece of the curve of
@@ -82,8 +140,7 @@ pub(super) struct Sum {
     /// What the search for a crossing may leave out at its end, if that is here, N.
     pub(super) left_n: f64,
     /// How it comes about.
-    linear: Linear,
-    cleared: OnceCell<Box<Swept>>,
+    pub(super) affine: Affine,
 }
 
 /// A piece of that curve.
@@ -92,19 +149,17 @@ pub(super) struct Piece {
     /// `A G F'(q)`, of tangents that are of length 1 along their direction in the middle, and how long these are at most.
     pub(super) slope: Vector6<Interval>,
     pub(super) tangent: f64,
-    /// What row `e` of the sum rises by from one end to the other at least, N.
-    pub(super) rise_n: f64,
+    /// How long it is along that direction at least, N.
+    pub(super) along_n: f64,
     /// How the slope comes about.
-    linear: Linear,
-    swept: OnceCell<Box<Swept>>,
-    swept_slope: OnceCell<Box<Swept>>,
+    pub(super) affine_slope: Affine,
 }
 
 impl Sum {
     fn new(
         chart: Interval,
         rows: Vector6<Interval>,
-        linear: Linear,
+        affine: &Affine,
         force_n: &Vector2<Interval>,
         [by_chart_n, bend_n]: [&Vector2<Interval>; 2],
     ) -> Self {
@@ -116,30 +171,25 @@ impl Sum {
             rows,
             force_n: size(force_n).high(),
             left_n: slope_n * unit * (CROSSING_WIDTH * UPWARDS),
-            linear,
-            cleared: OnceCell::new(),
+            affine: *affine,
         }
     }
 }
 
 impl Piece {
     fn new(
-        cable: usize,
         chart: Interval,
         sum: Sum,
         heading: &Heading,
         slope: Vector6<Interval>,
-        linear: Linear,
+        affine_slope: &Affine,
     ) -> Self {
-        let moved_n = heading.rate_n.low() * (chart.high() - chart.low());
         Self {
             sum,
             tangent: size(&heading.vector(heading.slant)).high(),
-            rise_n: slope[cable].low().max(0.0) * moved_n / UPWARDS,
+            along_n: heading.rate_n.low() * (chart.high() - chart.low()) / UPWARDS,
             slope,
-            linear,
-            swept: OnceCell::new(),
-            swept_slope: OnceCell::new(),
+            affine_slope: *affine_slope,
         }
     }
 }
@@ -147,8 +197,6 @@ impl Piece {
 /// The curve of the eliminated cable in pieces, from the taut end of the bracket.
 pub(super) struct Course<'a> {
     pub(super) patch: &'a Patch,
-    along: Along,
-    cable: usize,
     /// Largest force of the eliminated cable on the fine pieces, N.
     pub(super) force_n: f64,
     /// Fine ones around the solution, rough ones beyond.
@@ -158,45 +206,6 @@ pub(super) struct Course<'a> {
     /// Numbers of the first fine piece, and of that which begins at the solution.
     pub(super) first_fine: usize,
     pub(super) middle: usize,
-}
-
-impl Course<'_> {
-    /// The sum over a piece, swept so that its slope is about zero.
-    pub(super) fn swept<'p>(&self, piece: &'p Piece) -> &'p Swept {
-        piece.swept.get_or_init(|| self.sweep(&piece.sum.linear, &piece.slope))
-    }
-
-    /// The slope, swept in this way.
-    pub(super) fn swept_slope<'p>(&self, piece: &'p Piece) -> &'p Swept {
-        piece.swept_slope.get_or_init(|| self.sweep(&piece.linear, &piece.slope))
-    }
-
-    /// A sum, swept so that it is about zero itself.
-    pub(super) fn cleared<'p>(&self, sum: &'p Sum) -> &'p Swept {
-        sum.cleared.get_or_init(|| self.sweep(&sum.linear, &sum.rows))
-    }
-
-    /// With what it takes for a vector to be zero in the middle, but for row `e`.
-    fn sweep(&self, linear: &Linear, zero: &Vector6<Interval>) -> Box<Swept> {
-        let own = zero[self.cable];
-        let ratio = Vector6::from_fn(|i, _| {
-            let ratio = zero[i].middle() / own.middle();
-            let is_some = i != self.cable && own.mignitude() > 0.0 && ratio.is_finite();
-            if is_some { ratio } else { 0.0 }
-        });
-        let here = linear.here.swept(self.cable, &ratio);
-        let rows = linear.rows.swept(self.cable, &ratio);
-        let mut moved = [Vector6::zeros(); COORDINATES];
-        let mut room = Vector6::zeros();
-        for k in 0..self.along.count() {
-            let aside = self.patch.aside(k).magnitude();
-            moved[k] = rows.middle[k] * aside;
-            room += rows.radius[k] * aside;
-        }
-        let still = here + room.map(|room| Interval::symmetric(room * UPWARDS));
-        let all = here + rows.spread(self.patch, self.along);
-        Box::new(Swept { ratio, all, moved, still })
-    }
 }
 
 /// `A (S(P, pc) + G F(q))` over a patch, and how it comes about.
@@ -274,9 +283,8 @@ impl<'a, 'i> Sums<'a, 'i> {
         pieces.extend(up);
         pieces.extend(self.beyond(high, bracket[1])?);
         let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
-        let (patch, along) = (self.view.patch, self.view.along);
-        let cable = *cable;
-        let course = Course { patch, along, cable, force_n, pieces, joints, first_fine, middle };
+        let patch = self.view.patch;
+        let course = Course { patch, force_n, pieces, joints, first_fine, middle };
         Some((course, rows.middle))
     }
 
@@ -305,18 +313,18 @@ impl<'a, 'i> Sums<'a, 'i> {
         let sight = &self.view.sights[cable];
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
         let along = self.inverse.times(&sight.wrench_n(&hung.force_n));
-        let linear = Linear { here: Here::at(self.others + along), rows: self.rows };
+        let affine = self.rows.affine(self.view.patch, &(self.others + along));
         let sum = Sum::new(
             chart,
             self.all_others + along,
-            linear,
+            &affine,
             &hung.force_n,
             [&hung.force_by_chart_n, &Vector2::zeros()],
         );
         let heading = Heading::at(&hung)?;
         let slope = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
-        let linear = Linear { here: Here::at(slope), rows: Rows::none() };
-        Some(Piece::new(cable, chart, sum, &heading, slope, linear))
+        let affine_slope = Rows::none().affine(self.view.patch, &slope);
+        Some(Piece::new(chart, sum, &heading, slope, &affine_slope))
     }
 
     /// Whether it is so well known which sign row `e` has on a piece, or whether it rises or falls.
@@ -346,12 +354,12 @@ impl<'a, 'i> Sums<'a, 'i> {
         let rows = self.inverse.rows(&moving_n, along);
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&hung.force_n));
         let sum = both(&plain, &(exact + rows.spread(self.view.patch, along)))?;
-        let linear = Linear { here: Here::at(*exact), rows };
+        let affine = rows.affine(self.view.patch, exact);
         Some((
             Sum::new(
                 chart,
                 sum,
-                linear,
+                &affine,
                 &hung.force_n,
                 [&hung.force_by_chart_n, &Vector2::zeros()],
             ),
@@ -381,14 +389,15 @@ impl<'a, 'i> Sums<'a, 'i> {
         sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, along);
         let rows = self.inverse.rows(&moving_n, along);
         let gone_n = rate_here_n * (chart - Interval::point(from));
-        let sum_here = Here { from: *exact, slope: slope_here, gone_n };
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&reach.force_n));
-        let near = sum_here.swept(cable, &Vector6::zeros()) + rows.spread(self.view.patch, along);
-        let linear = Linear { here: sum_here, rows };
+        let near = exact + slope_here.map(|slope| slope * gone_n);
+        let near = near + rows.spread(self.view.patch, along);
+        // Of the way along it all rows tell together.
+        let affine = rows.affine(self.view.patch, exact).gone(&slope_here, gone_n);
         let sum = both(&plain, &near)?;
-        let sum = Sum::new(chart, sum, linear, &reach.force_n, [&reach.by_chart_n, &reach.bend_n]);
-        let linear = Linear { here: Here::at(slope_here), rows: turning };
-        Some(Piece::new(cable, chart, sum, &heading, slope, linear))
+        let sum = Sum::new(chart, sum, &affine, &reach.force_n, [&reach.by_chart_n, &reach.bend_n]);
+        let affine_slope = turning.affine(self.view.patch, &slope_here);
+        Some(Piece::new(chart, sum, &heading, slope, &affine_slope))
     }
 
     /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
@@ -476,34 +485,6 @@ impl Inverse {
     }
 }
 
-/// At the middle of the patch, and how it changes with the pose.
-struct Linear {
-    here: Here,
-    rows: Rows,
-}
-
-/// A sum at the middle of the patch, along a curve: as it is at some coordinate, and how it goes on from there.
-struct Here {
-    from: Vector6<Interval>,
-    slope: Vector6<Interval>,
-    gone_n: Interval,
-}
-
-impl Here {
-    fn at(from: Vector6<Interval>) -> Self {
-        Self { from, slope: Vector6::zeros(), gone_n: Interval::zero() }
-    }
-
-    /// With row `e` times factors taken from the others.
-    fn swept(&self, cable: usize, ratio: &Vector6<f64>) -> Vector6<Interval> {
-        Vector6::from_fn(|i, _| {
-            let ratio = Interval::point(ratio[i]);
-            let [from, slope] = [&self.from, &self.slope].map(|v| v[i] - ratio * v[cable]);
-            from + slope * self.gone_n
-        })
-    }
-}
-
 /// How the rows of the equations change with each coordinate of the pose, those that are not followed left out: by
 /// middle and radius.
 #[derive(Clone, Copy)]
@@ -519,17 +500,16 @@ impl Rows {
         Self { middle: zero, radius: zero }
     }
 
-    /// Row `e` times factors taken from the others.
-    fn swept(&self, cable: usize, ratio: &Vector6<f64>) -> Self {
-        let mut swept = Self::none();
+    /// With what the rows are at the middle of the patch.
+    fn affine(&self, patch: &Patch, here: &Vector6<Interval>) -> Affine {
+        let mut along = [Vector6::zeros(); COORDINATES + 1];
+        let mut open = here.map(Interval::radius);
         for k in 0..COORDINATES {
-            let (middle, radius) = (&self.middle[k], &self.radius[k]);
-            let taken = ratio * middle[cable];
-            let rounding = (middle.abs() + taken.abs()) * (2.0 * f64::EPSILON);
-            swept.middle[k] = middle - taken;
-            swept.radius[k] = (radius + ratio.abs() * radius[cable] + rounding) * UPWARDS;
+            let aside = patch.aside(k).magnitude();
+            along[k] = self.middle[k] * aside;
+            open += self.radius[k] * aside + along[k].abs() * f64::EPSILON;
         }
-        swept
+        Affine { middle: here.map(Interval::middle), along, open: open * UPWARDS }
     }
 
     /// What poses aside from the middle add.
