@@ -67,7 +67,7 @@ struct Tangent {
 /// Where the curve of a cable is heading over a range, seen along a direction: its tangent is that plus the slant
 /// times the direction across, as often as the rate.
 pub(super) struct Heading {
-    direction: Vector2<f64>,
+    pub(super) direction: Vector2<f64>,
     pub(super) rate_n: Interval,
     pub(super) slant: Interval,
     /// How the slant changes with the coordinate.
@@ -134,13 +134,17 @@ impl Heading {
     }
 }
 
-/// A short range of a curve, over a patch of poses and at the middle of it.
-pub(super) struct Fine {
+/// A short range of a curve.
+pub(super) struct Run {
     pub(super) reach: Reach,
     pub(super) heading: Heading,
     /// How the tangents change with the end of the cable in `x` and in `z`, per metre.
     pub(super) turn: [Vector2<Interval>; 2],
-    /// Rate and slant at the middle.
+}
+
+/// The same over a patch of poses, and rate and slant at the middle of it.
+pub(super) struct Fine {
+    pub(super) run: Run,
     pub(super) rate_here_n: Interval,
     pub(super) slant_here: Interval,
 }
@@ -366,20 +370,34 @@ impl Curves {
         here: &Sight,
         chart: Interval,
     ) -> Option<Fine> {
-        let at = self.hung_at(i, sight, chart)?;
-        let (reach, tangent) = self.reach(i, sight, chart, &at)?;
-        let direction = direction(&tangent.middle_m);
-        let heading = Heading::of(&reach, &tangent, chart, &direction)?;
-        let turn = self.turned(i, sight, &at, &heading)?;
+        let run = self.run(i, sight, chart, None)?;
+        let Run { reach, heading, .. } = &run;
         // By the mean value theorem.
         let half = Interval::symmetric(chart.radius());
         let middle = self.hung(i, here, Interval::point(chart.middle()))?;
-        let (rate_n, _) = seen(&(middle.force_by_chart_n + reach.bend_n * half), &direction);
-        let (along_m, across_m) = seen(&-middle.heading_m, &direction);
+        let by_chart_n = middle.force_by_chart_n + reach.bend_n * half;
+        let (rate_n, _) = seen(&by_chart_n, &heading.direction);
+        let (along_m, across_m) = seen(&-middle.heading_m, &heading.direction);
         let slant = across_m / along_m + heading.bend * half;
         let rate_here_n = heading.rate_n.intersection(rate_n)?;
         let slant_here = heading.slant.intersection(slant)?;
-        Some(Fine { reach, heading, turn, rate_here_n, slant_here })
+        Some(Fine { run, rate_here_n, slant_here })
+    }
+
+    /// One cable over a short range, seen along a direction, or its own.
+    pub(super) fn run(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+        along: Option<&Vector2<f64>>,
+    ) -> Option<Run> {
+        let at = self.hung_at(i, sight, chart)?;
+        let (reach, tangent) = self.reach(i, sight, chart, &at)?;
+        let own = || direction(&tangent.middle_m);
+        let heading = Heading::of(&reach, &tangent, chart, &along.copied().unwrap_or_else(own))?;
+        let turn = self.turned(i, sight, &at, &heading)?;
+        Some(Run { reach, heading, turn })
     }
 
     fn reach(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<(Reach, Tangent)> {

@@ -132,6 +132,16 @@ impl Patch {
         self.aside[k]
     }
 
+    /// The box of what is aside by no more than a share of that, in the first coordinates; in the others all of it.
+    pub(super) fn part(&self, count: usize, share: Interval) -> PoseBox {
+        let mut part = self.region;
+        for k in 0..count {
+            let side = Interval::point(self.middle[k]) + self.aside[k] * share;
+            (part.low[k], part.high[k]) = (side.low(), side.high());
+        }
+        part
+    }
+
     /// The range of `sum g_k (P_k - middle_k)` over the patch, of the first coordinates, for every gradient `g` no further
     /// than `radius` from `middle`.
     pub(super) fn spread(&self, middle: &[f64], radius: &[f64]) -> Interval {

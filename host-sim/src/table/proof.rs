@@ -112,7 +112,7 @@ use super::curve::{Curves, Heading, Reach, across, size};
 use super::equations::{Across, Arithmetic, Columns, Equations, Errors};
 use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
-use super::sums::{Course, Inverse, Sums, UPWARDS, View};
+use super::sums::{Course, Inverse, Sums, UPWARDS, View, mean};
 use crate::interval::Interval;
 use newton::Missed;
 
@@ -380,8 +380,7 @@ impl<'a> Frame<'a> {
     }
 
     fn others(&self) -> impl Iterator<Item = usize> + use<> {
-        let cable = self.view.seed.eliminated;
-        (0..CABLES).filter(move |i| *i != cable)
+        self.view.others()
     }
 
     /// The curves of five cables at `at`, and their tangents.
@@ -424,19 +423,24 @@ impl<'a> Frame<'a> {
         heading: &Heading,
         (here, more): (Interval, Interval),
     ) -> Option<()> {
-        let View { prover, patch, sights, along, .. } = self.view;
+        let View { prover, patch, sights, within, along, .. } = self.view;
         let slant = here + more;
         let middle = heading.vector(Interval::point(slant.middle()));
         let wrench_n = self.sights[cable].wrench_n(&middle);
         columns.set(cable, &wrench_n, (&self.across, slant.radius()));
         let mut turning = [Vector6::zeros(); COORDINATES];
-        sights[cable].add_moved(
-            &mut turning,
-            &heading.vector(heading.slant + more),
-            &prover.curves.turn(cable, &sights[cable], at, heading)?,
-            *along,
-        );
-        columns.turn(cable, &turning, patch);
+        let mut add = |sight: &Sight, heading: &Heading| {
+            let turn = prover.curves.turn(cable, sight, at, heading)?;
+            sight.add_moved(&mut turning, &heading.vector(heading.slant + more), &turn, *along);
+            Some(())
+        };
+        for (sights, _) in within {
+            let sight = &sights[cable];
+            let (_, heading) = prover.curves.course(cable, sight, at, &heading.direction)?;
+            add(sight, &heading)?;
+        }
+        add(&sights[cable], heading)?;
+        columns.turn(cable, &mean(&turning), patch);
         Some(())
     }
 

@@ -8,12 +8,15 @@ use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
 
-use super::curve::{Fine, Heading, both, size, stretch};
+use super::curve::{Fine, Heading, Run, both, size, stretch};
 use super::patch::Patch;
 use super::place::{Along, ByPose, Loading, Point, Sight};
 use super::proof::Prover;
 use crate::interval::Interval;
 
+/// A derivative with the pose is taken in the mean on the way from the middle of a patch to any pose of it: so many shells
+/// are each crossed by the same part of the way, up to which it is less off than over the patch.
+const SHELLS: usize = 2;
 /// Fine pieces of the curve of the eliminated cable: length of the first from the solution, in units of how well that is
 /// known; how they grow; and how far the root of the coordinate changes over one at most.
 const FINEST: f64 = 0.5;
@@ -36,6 +39,8 @@ pub(super) struct View<'a> {
     pub(super) patch: &'a Patch,
     pub(super) sights: Vec<Sight>,
     loading: Loading,
+    /// The same of poses nearer to the middle, up to shells in equal steps.
+    pub(super) within: Vec<(Vec<Sight>, Loading)>,
     pub(super) along: Along,
     pub(super) seed: &'a Start<f64>,
     pub(super) steps: u8,
@@ -56,7 +61,25 @@ impl<'a> View<'a> {
     ) -> Option<Self> {
         let (sights, loading) = prover.likeness.look(&patch.region).ok()?;
         let along = prover.likeness.along(&patch.region);
-        Some(Self { prover, patch, sights, loading, along, seed, steps })
+        let within = (1..SHELLS).map(|shell| {
+            #[allow(clippy::cast_precision_loss)] // a few
+            let share = Interval::point(shell as f64) / Interval::point(SHELLS as f64);
+            prover.likeness.look(&patch.part(along.count(), share)).ok()
+        });
+        let within = within.collect::<Option<_>>()?;
+        Some(Self { prover, patch, sights, loading, within, along, seed, steps })
+    }
+
+    /// All cables but the eliminated one.
+    pub(super) fn others(&self) -> impl Iterator<Item = usize> + use<> {
+        let cable = self.seed.eliminated;
+        (0..CABLES).filter(move |i| *i != cable)
+    }
+
+    /// What a cable sees from the poses up to each shell, the patch last.
+    pub(super) fn shells(&self, cable: usize) -> impl Iterator<Item = &Sight> {
+        let within = self.within.iter().map(move |(sights, _)| &sights[cable]);
+        within.chain([&self.sights[cable]])
     }
 }
 
@@ -235,14 +258,22 @@ impl<'a, 'i> Sums<'a, 'i> {
         let (sights, loading) =
             likeness.look(&view.along.across(&patch.region, &patch.middle)).ok()?;
         let mut others_n = loading.wrench_n;
-        let mut by_pose_n = view.loading.by_pose(view.along);
-        for i in (0..CABLES).filter(|i| *i != view.seed.eliminated) {
+        let mut by_pose_n = [Vector6::zeros(); COORDINATES];
+        for i in view.others() {
             let chart = Interval::point(center[i]);
             others_n += sights[i].wrench_n(&curves.hung(i, &sights[i], chart)?.force_n);
-            let all = curves.hung(i, &view.sights[i], chart)?;
-            view.sights[i].add_by_pose(&mut by_pose_n, &all, view.along);
+            for sight in view.shells(i) {
+                sight.add_by_pose(&mut by_pose_n, &curves.hung(i, sight, chart)?, view.along);
+            }
         }
-        let (others, rows) = (inverse.times(&others_n), inverse.rows(&by_pose_n, view.along));
+        let loadings = view.within.iter().map(|(_, loading)| loading).chain([&view.loading]);
+        for loading in loadings {
+            for (sum, by_pose_n) in by_pose_n.iter_mut().zip(&loading.by_pose(view.along)) {
+                *sum += by_pose_n;
+            }
+        }
+        let (others, rows) =
+            (inverse.times(&others_n), inverse.rows(&mean(&by_pose_n), view.along));
         let mut sums =
             Self { view, inverse, sights, others_n, others, by_pose_n, rows, all_others: others };
         sums.all_others += sums.rows.spread(patch, view.along);
@@ -350,8 +381,11 @@ impl<'a, 'i> Sums<'a, 'i> {
         let chart = Interval::point(chart);
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
         let mut moving_n = self.by_pose_n;
-        sight.add_by_pose(&mut moving_n, &hung, along);
-        let rows = self.inverse.rows(&moving_n, along);
+        for sight in self.view.shells(cable) {
+            let hung = self.view.prover.curves.hung(cable, sight, chart)?;
+            sight.add_by_pose(&mut moving_n, &hung, along);
+        }
+        let rows = self.inverse.rows(&mean(&moving_n), along);
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&hung.force_n));
         let sum = both(&plain, &(exact + rows.spread(self.view.patch, along)))?;
         let affine = rows.affine(self.view.patch, exact);
@@ -374,20 +408,26 @@ impl<'a, 'i> Sums<'a, 'i> {
         let cable = self.view.seed.eliminated;
         let (sight, here, along) = (&self.view.sights[cable], &self.sights[cable], self.view.along);
         let chart = Interval::new(from.min(to), from.max(to));
-        let Fine { reach, heading, turn, rate_here_n, slant_here } =
-            self.view.prover.curves.fine(cable, sight, here, chart)?;
+        let curves = &self.view.prover.curves;
+        let Fine { run, rate_here_n, slant_here } = curves.fine(cable, sight, here, chart)?;
+        let Run { reach, heading, .. } = &run;
+        let (mut turning, mut moving_n) = ([Vector6::zeros(); COORDINATES], self.by_pose_n);
+        let mut add = |sight: &Sight, Run { reach, heading, turn }: &Run| {
+            sight.add_moved(&mut turning, &heading.vector(heading.slant), turn, along);
+            sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, along);
+        };
+        for (sights, _) in &self.view.within {
+            let sight = &sights[cable];
+            add(sight, &curves.run(cable, sight, chart, Some(&heading.direction))?);
+        }
+        add(sight, &run);
         // The slope.
-        let tangent = heading.vector(heading.slant);
-        let mut turning = [Vector6::zeros(); COORDINATES];
-        sight.add_moved(&mut turning, &tangent, &turn, along);
-        let turning = self.inverse.rows(&turning, along);
+        let turning = self.inverse.rows(&mean(&turning), along);
         let slope_here = self.inverse.times(&here.wrench_n(&heading.vector(slant_here)));
-        let plain = self.inverse.times(&sight.wrench_n(&tangent));
+        let plain = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
         let slope = both(&plain, &(slope_here + turning.spread(self.view.patch, along)))?;
         // The sum.
-        let mut moving_n = self.by_pose_n;
-        sight.add_moved(&mut moving_n, &reach.force_n, &reach.by_end_n, along);
-        let rows = self.inverse.rows(&moving_n, along);
+        let rows = self.inverse.rows(&mean(&moving_n), along);
         let gone_n = rate_here_n * (chart - Interval::point(from));
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&reach.force_n));
         let near = exact + slope_here.map(|slope| slope * gone_n);
@@ -397,7 +437,7 @@ impl<'a, 'i> Sums<'a, 'i> {
         let sum = both(&plain, &near)?;
         let sum = Sum::new(chart, sum, &affine, &reach.force_n, [&reach.by_chart_n, &reach.bend_n]);
         let affine_slope = turning.affine(self.view.patch, &slope_here);
-        Some(Piece::new(chart, sum, &heading, slope, &affine_slope))
+        Some(Piece::new(chart, sum, heading, slope, &affine_slope))
     }
 
     /// Fine pieces from the solution to where the sum has a certain sign or falls, their far ends, and where that is:
@@ -433,6 +473,13 @@ impl<'a, 'i> Sums<'a, 'i> {
         }
         Some((pieces, joints, chart))
     }
+}
+
+/// In the mean over all shells of what was summed over them.
+pub(super) fn mean(sum: &ByPose) -> ByPose {
+    #[allow(clippy::cast_precision_loss)] // a few
+    let share = Interval::point(1.0) / Interval::point(SHELLS as f64);
+    sum.map(|column| column.map(|component| component * share))
 }
 
 /// `A`, and what is needed to multiply with it.

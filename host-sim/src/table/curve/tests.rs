@@ -182,7 +182,7 @@ fn short_pieces_hold_every_cable() {
         let Some(fine) = prover.curves.fine(cable, &sight, &here[cable], chart) else {
             continue;
         };
-        let Fine { heading, turn, rate_here_n, slant_here, .. } = fine;
+        let Fine { run: Run { heading, turn, .. }, rate_here_n, slant_here } = fine;
         all += 1;
         sample.direction = heading.direction;
         let rate_n = |at: &Point, chart: f64| {
