@@ -400,11 +400,29 @@ impl Curves {
         Some(Run { reach, heading, turn })
     }
 
-    fn reach(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<(Reach, Tangent)> {
-        let hung = &at.hung;
+    /// The curve over a range of its coordinate, and how its slope changes.
+    pub(super) fn bending(
+        &self,
+        i: usize,
+        sight: &Sight,
+        chart: Interval,
+    ) -> Option<(Hung<Interval>, Vector2<Interval>)> {
+        let at = self.hung_at(i, sight, chart)?;
+        let hung = Self::known(&at)?;
+        let bend_n = self.by_chart(i, sight, &at).force_by_chart_n.map(|c| c.rate);
+        Some((hung, bend_n))
+    }
+
+    /// A curve, where its coordinate changes.
+    fn by_chart(&self, i: usize, sight: &Sight, at: &At) -> Hung<Dual> {
         let (_, slope) = chart_of_root(at.root);
         let (zero, by_chart) = (Interval::zero(), Interval::one() / slope);
-        let moving = self.moving(i, sight, at, [by_chart, hung.strain_by_chart, zero, zero]);
+        self.moving(i, sight, at, [by_chart, at.hung.strain_by_chart, zero, zero])
+    }
+
+    fn reach(&self, i: usize, sight: &Sight, chart: Interval, at: &At) -> Option<(Reach, Tangent)> {
+        let hung = &at.hung;
+        let moving = self.by_chart(i, sight, at);
         let bend_n = moving.force_by_chart_n.map(|c| c.rate);
         let bend_m = moving.heading_m.map(|c| -c.rate);
         // By the mean value, where that is better.
@@ -425,7 +443,11 @@ impl Curves {
 
     /// The curve over a range of its coordinate.
     pub(super) fn hung(&self, i: usize, sight: &Sight, chart: Interval) -> Option<Hung<Interval>> {
-        let hung = self.hung_at(i, sight, chart)?.hung;
+        Self::known(&self.hung_at(i, sight, chart)?)
+    }
+
+    fn known(at: &At) -> Option<Hung<Interval>> {
+        let hung = at.hung;
         let by_end = size(&hung.force_by_x_n_m) + size(&hung.force_by_z_n_m);
         let along = size(&hung.force_by_chart_n) + size(&hung.heading_m);
         (size(&hung.force_n) + along + by_end).is_bounded().then_some(hung)

@@ -8,17 +8,20 @@ use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector6};
 use num_traits::Zero;
 
+use super::affine::Affine;
 use super::patch::Patch;
 use super::place::{Along, ByPose};
-use super::sums::{Affine, Course, Inverse, Piece, Sum, UPWARDS};
+use super::sums::{Course, Inverse, Piece, Sum, UPWARDS};
 use crate::interval::Interval;
 
-/// Times that the errors of a step are fed back through `A M - I`.
+/// Times that rows are fed back through a matrix like `A M - 1`.
 const FEEDBACK: usize = 6;
 /// And what is added to each for it.
 const SHARE: f64 = 0.01;
 /// Many times the rounding of products with the matrices here, as a part of the sum of their sizes.
 const ROUNDINGS: f64 = 256.0 * f64::EPSILON;
+/// A determinant that is larger has a sign for certain.
+const LEAST_DETERMINANT: f64 = 1e-6;
 
 /// What the controller rounds off in each row of a step, at most: for the five others and their sum, by newton of the
 /// force of the eliminated cable, and by newton that the search along its curve leaves out. None for what is exact.
@@ -96,7 +99,7 @@ impl<'a> Equations<'a> {
     }
 
     /// A sum of row `e`, with what the others weigh in it at most, for what is in each row.
-    fn open(&self, sum: Interval, own: f64, mut others: Vector6<f64>) -> Interval {
+    fn weighed(&self, sum: Interval, own: f64, mut others: Vector6<f64>) -> Interval {
         others[self.cable()] = 0.0;
         let room = self.weights.map_or(f64::INFINITY, |weights| weights.dot(&others));
         sum + Interval::symmetric((room + own) * UPWARDS)
@@ -111,7 +114,7 @@ impl<'a> Equations<'a> {
             return own;
         }
         let apart = self.missed_most + self.arithmetic.on(sum);
-        let rough = self.open(own, apart[cable], apart + sum.rows.map(Interval::magnitude));
+        let rough = self.weighed(own, apart[cable], apart + sum.rows.map(Interval::magnitude));
         if rough.mignitude() > 0.0 {
             return rough;
         }
@@ -133,7 +136,7 @@ impl<'a> Equations<'a> {
             return slope;
         }
         let apart = self.arithmetic.unit * piece.tangent;
-        let rough = self.open(slope, apart[cable], apart + piece.slope.map(Interval::magnitude));
+        let rough = self.weighed(slope, apart[cable], apart + piece.slope.map(Interval::magnitude));
         if rough.mignitude() > 0.0 {
             return rough;
         }
@@ -268,10 +271,10 @@ impl<'a> Equations<'a> {
     }
 }
 
-/// `N = A M - 1` over a patch, multiplied with what inverts it in the middle, where nothing is left of it then. Column `e`
-/// is zero.
+/// `N = B A M - 1` over a patch, where `B` inverts `A M` in the middle, so that nothing is left of it there. Column `e` is
+/// zero.
 struct Others {
-    /// That inverse.
+    /// `B`.
     base: Matrix6<f64>,
     sizes: Matrix6<f64>,
     /// How each coordinate of the pose turns it at most, and all of them.
@@ -288,6 +291,10 @@ impl Others {
         let mut base = (one + middle).try_inverse()?;
         // Exactly.
         base.set_column(columns.cable, &one.column(columns.cable));
+        // Of the right sign, so that slopes have that of `det`.
+        if base.determinant() <= LEAST_DETERMINANT {
+            return None;
+        }
         let sizes = base.abs();
         let turned = columns.turned.map(|turned| base * turned);
         let sum = |of: &[Matrix6<f64>]| of.iter().fold(Matrix6::zeros(), |sum, m| sum + m.abs());
@@ -301,7 +308,7 @@ impl Others {
         Some(Self { base, sizes, turned, turning, besides, all })
     }
 
-    /// What becomes of the rows `r` as the others follow: `u = (1 + N)^-1 r`, of which row `e` is the left side of the one
+    /// What becomes of the rows `r` as the others follow: `u = (A M)^-1 r = (1 + N)^-1 B r`, of which row `e` is the left side of the one
     /// equation, and the others are minus how far those move. `None` where that is not bounded.
     fn follow(&self, rows: &Affine, apart: &Vector6<f64>) -> Option<Followed> {
         let Self { base, sizes, turned, turning, all, .. } = self;
@@ -382,7 +389,7 @@ pub(super) struct Columns<'a> {
     slanted: Matrix6<f64>,
     /// How far each coordinate of the pose turns it at most, by middle.
     turned: [Matrix6<f64>; COORDINATES],
-    /// The radii of that, and all roundings, of what is made of a row and as much again of row `e`, too.
+    /// The radii of that, and all roundings.
     blur: Matrix6<f64>,
 }
 
@@ -467,10 +474,12 @@ pub(super) fn fed_back(defect: &Matrix6<f64>, right: &Vector6<f64>) -> Option<Ve
 
 #[cfg(test)]
 mod tests {
+    use cdpr_core::table::Plane;
     use rand::rngs::ChaCha8Rng;
     use rand::{Rng, RngExt as _, SeedableRng as _};
 
-    use super::super::place::{Along, PoseBox};
+    use super::super::patch::HalfSpace;
+    use super::super::place::{Along, Point, PoseBox};
     use super::*;
 
     fn number(random: &mut impl Rng) -> f64 {
@@ -494,11 +503,20 @@ mod tests {
     #[test]
     fn rows_are_what_becomes_of_them_as_the_others_follow() {
         let (mut all, mut apart, mut zeros, mut reached) = ([0.0; 3], 0.0, 0, 0.0_f64);
+        let mut signs = 0;
         let region = PoseBox { low: [-1.0; COORDINATES], high: [1.0; COORDINATES] };
-        let patch = Patch::whole(region);
         for seed in 0..200 {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             let cable = random.random_range(0..CABLES);
+            // All of a box, or what is before a plane.
+            let plane = Plane {
+                normal: std::array::from_fn(|_| {
+                    random.random_range(-Plane::LARGEST..=Plane::LARGEST)
+                }),
+                offset: random.random_range(-200..400),
+            };
+            let half = Some(HalfSpace::of(&region, plane)).filter(|_| seed % 2 == 1);
+            let Some(patch) = Patch::of(region, half.as_ref()) else { continue };
             let inverse = Inverse {
                 matrix: Matrix6::identity(),
                 sizes: Matrix6::identity(),
@@ -513,20 +531,31 @@ mod tests {
             let mut open = vector(&mut random).abs() * 0.1;
             open[cable] = 1.0;
             let rows = Affine {
-                middle: vector(&mut random) * 3.0,
+                middle: vector(&mut random) * if seed % 4 < 2 { 3.0 } else { 12.0 },
                 along: std::array::from_fn(|_| vector(&mut random)),
                 open,
             };
             let others = Others::new(&columns).expect("it is close to one");
             let followed = others.follow(&rows, &Vector6::zeros()).expect("bounded");
             let balanced = followed.balanced(&others, &patch, cable);
+            // No zero by what holds where it is one is none.
+            let told = balanced.rows.over(&patch, cable);
+            let is_certain = told.mignitude() > 0.0;
+            signs += usize::from(is_certain);
             let weighed = fed_back(&columns.defect(), &rows.most()).expect("bounded");
             let mut ends = [[0.0_f64; 2]; CABLES];
             for _ in 0..300 {
                 let part = |random: &mut ChaCha8Rng| {
                     if random.random() { number(random).signum() } else { number(random) }
                 };
-                let pose: [f64; COORDINATES + 1] = std::array::from_fn(|_| part(&mut random));
+                let at: Point = std::array::from_fn(|_| part(&mut random));
+                if half.is_some_and(|half| !half.contains(&at)) {
+                    continue;
+                }
+                let pose: [f64; COORDINATES + 1] = std::array::from_fn(|k| match at.get(k) {
+                    Some(at) => (at - patch.middle[k]) / patch.aside(k).magnitude(),
+                    None => part(&mut random),
+                });
                 let slants = Matrix6::from_diagonal(&Vector6::from_fn(|_, _| part(&mut random)));
                 let blur = columns.blur.map(|blur| blur * part(&mut random));
                 let mut turned = Matrix6::identity() + columns.defect;
@@ -539,6 +568,7 @@ mod tests {
                     }
                 }
                 let becomes = turned.try_inverse().expect("regular") * right;
+                assert!(!is_certain || becomes[cable] * told.middle() > 0.0, "{seed}");
                 for i in 0..CABLES {
                     assert!(followed.rows.over(&patch, i).contains(becomes[i]), "{seed}");
                     assert!(becomes[i].abs() <= weighed[i], "{seed}");
@@ -569,6 +599,7 @@ mod tests {
         }
         let [over, zero, balanced] = all;
         assert!(zeros > 10_000, "{zeros}");
+        assert!(signs > 10, "{signs}");
         assert!(over < 0.8 * apart && zero < over && balanced < zero, "{all:?} {apart}");
         // They are not far too wide either.
         assert!(reached > 0.5, "{reached}");

@@ -58,8 +58,7 @@
 //! The difference on the left is an integral of `F_e'` over pieces on which the slope is positive. So from row `e` of
 //! `(1 + K)^-1`, times all of it, that of the slope is known, and with the least slopes how far `q` is from `q*`; and by how
 //! much the others follow at most on these pieces, how far they are off for it: no curvature of the eliminated cable
-//! enters. If the right side grew from nothing to what it is, `q` would go from `q*` to where it is, over no more pieces
-//! than make up for that integral.
+//! enters. `q` is no more pieces from `q*` than make up for that integral.
 //!
 //! `a` and `b` are enclosed thrice: as they stand; by `F_i''` and how fast the direction of `F_i'` turns over all that lies
 //! between iterate and solution; and by how far both change over it at most, where they change most at its end. Beginning
@@ -74,8 +73,8 @@
 //! the cables and multiplied with `A` before its size is taken. A turn that is hardly any is enclosed as it stands.
 //!
 //! So rows are `r = c + m d + o` and the matrix is `K = T d + s`, with how far the pose `d` is aside, from -1 to 1 in each
-//! coordinate, and with small `o` and `s` of which only bounds are known (`K` is zero in the middle after one more
-//! multiplication). What becomes of them as the others follow is a series,
+//! coordinate (rows have a seventh: where on the piece `q` is), and with small `o` and `s` of which only bounds are known.
+//! (Rows and matrix are multiplied once more, so that `K` is zero in the middle.) What becomes of them as the others follow is a series,
 //!
 //! ```text
 //! u = r - K u = c + (m - T c) d - T (m - T c) d d + (1 - T d) o + T d T d (m d + o) - (1 - T d) s u - T d T d K u
@@ -86,8 +85,9 @@
 //!
 //! Where row `e` is zero the others are `u_i - t u_e` for any `t`. The best `t`, for either end of `u_i`, is that of a
 //! linear program: so only those poses count at which the eliminated cable is on the piece. With `u` bounded by that the
-//! rest is less. What is shown in this way to be no zero has the sign of `c`: on the way from `d`, `o` and `s` to nothing all
-//! bounds hold.
+//! rest is less, if `u_e` is zero. Where a bound that holds in that case only shows that `u_e` is not zero, for no `d`, `o`
+//! and `s`, it has the sign of `c_e`, which it is where these are nothing: they can all be taken there without a zero on
+//! the way.
 //!
 //! # Folds
 //!

@@ -8,9 +8,10 @@ use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
 
+use super::affine::Affine;
 use super::curve::{Fine, Heading, Run, both, size, stretch};
 use super::patch::Patch;
-use super::place::{Along, ByPose, Loading, Point, Sight};
+use super::place::{Along, ByPose, Loading, Sight};
 use super::proof::Prover;
 use crate::interval::Interval;
 
@@ -52,7 +53,7 @@ impl<'a> View<'a> {
         self.loading.wrench_n.iter().fold(0.0, |most, component| most.max(component.magnitude()))
     }
 
-    /// `None` where a cable may be vertical, or its curve is not known.
+    /// `None` where a cable may be vertical.
     pub(super) fn new(
         prover: &'a Prover,
         patch: &'a Patch,
@@ -83,81 +84,12 @@ impl<'a> View<'a> {
     }
 }
 
-/// Rows over a patch, as affine functions of the pose and of where on a piece the eliminated cable is.
-#[derive(Clone, Copy)]
-pub(super) struct Affine {
-    pub(super) middle: Vector6<f64>,
-    /// How far each coordinate moves them at most, and that place.
-    pub(super) along: [Vector6<f64>; COORDINATES + 1],
-    /// What they are off by besides at most.
-    pub(super) open: Vector6<f64>,
-}
-
-impl Affine {
-    /// With a way along a piece that begins there: how all rows change with it, and how far it is.
-    fn gone(self, slope: &Vector6<Interval>, gone_n: Interval) -> Self {
-        let (slope_middle, middle) = (slope.map(Interval::middle), gone_n.middle());
-        let mut along = self.along;
-        along[COORDINATES] = slope_middle * gone_n.radius();
-        let blur = slope.map(Interval::radius) + slope_middle.abs() * (4.0 * f64::EPSILON);
-        let open = (self.open + blur * gone_n.magnitude()) * UPWARDS;
-        Self { middle: self.middle + slope_middle * middle, along, open }
-    }
-
-    /// All values of a row.
-    pub(super) fn over(&self, patch: &Patch, i: usize) -> Interval {
-        let by_pose: Point = std::array::from_fn(|k| {
-            let along = self.along[k][i];
-            if along == 0.0 { 0.0 } else { along / patch.aside(k).magnitude() }
-        });
-        let aside = self.along[COORDINATES][i].abs() + self.open[i];
-        patch.spread(&by_pose, &[0.0; COORDINATES]) + Interval::around(self.middle[i], aside)
-    }
-
-    /// Those where another row is zero: less multiples of it, the best for each end.
-    pub(super) fn where_zero(&self, patch: &Patch, zero: usize, i: usize) -> Interval {
-        // Sums of ten are off by fewer units than these of the sum of their sizes.
-        const ROUNDING: f64 = 16.0 * f64::EPSILON;
-        // The terms |a - t b| of the bound; they turn over at a/b.
-        let terms: [[f64; 2]; COORDINATES + 2] = std::array::from_fn(|k| {
-            self.along.get(k).map_or([0.0, self.open[zero]], |along| [along[i], along[zero]])
-        });
-        let mut turns = terms.map(|[a, b]| if b == 0.0 { [0.0; 2] } else { [a / b, b.abs()] });
-        turns.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let all: f64 = turns.iter().map(|[_, weight]| weight).sum();
-        let most = |way: f64| {
-            let with = |t: f64| {
-                let spread = terms.iter().map(|[a, b]| (a - t * b).abs()).sum::<f64>();
-                let sizes = terms.iter().map(|[a, b]| a.abs() + (t * b).abs()).sum::<f64>();
-                let [own, other] = [self.middle[i], t * self.middle[zero]];
-                let rounding = (own.abs() + other.abs() + sizes) * ROUNDING;
-                way * (own - other) + spread + self.open[i] + rounding
-            };
-            // It falls with t until then.
-            let mut slope = -way * self.middle[zero] - all;
-            let least = turns.iter().find(|[_, weight]| {
-                slope += 2.0 * weight;
-                slope >= 0.0
-            });
-            let [t, _] = least.unwrap_or(&turns[turns.len() - 1]);
-            with(*t).min(with(0.0))
-        };
-        let (high, low) = (most(1.0), -most(-1.0));
-        let all = self.over(patch, i);
-        Interval::new(low.min(high), high.max(low)).intersection(all).unwrap_or(all)
-    }
-
-    /// How large they are at most.
-    pub(super) fn most(&self) -> Vector6<f64> {
-        let along = self.along.iter().fold(Vector6::zeros(), |sum, along| sum + along.abs());
-        (self.middle.abs() + along + self.open) * UPWARDS
-    }
-}
-
 /// What the equations sum to, `A (S(P, pc) + G F(q))`, for all poses of a patch, with `q` anywhere on a piece of the curve of
 /// the eliminated cable, or at an end of one.
 pub(super) struct Sum {
     pub(super) rows: Vector6<Interval>,
+    /// Where on the curve.
+    chart: Interval,
     /// `|F|` at most, N.
     pub(super) force_n: f64,
     /// What the search for a crossing may leave out at its end, if that is here, N.
@@ -186,12 +118,13 @@ impl Sum {
         force_n: &Vector2<Interval>,
         [by_chart_n, bend_n]: [&Vector2<Interval>; 2],
     ) -> Self {
-        // Where it may end, on a fine piece, it does with a bracket that is so wide in units of `1 + |q|`, or with a step along the tangent that is as long as
-        // the root of it.
+        // It ends with a bracket that is so wide in units of `1 + |q|`, or with a step along the tangent that is no longer
+        // than the root of that, from here.
         let unit = 1.0 + chart.magnitude();
         let slope_n = size(by_chart_n).high().max(0.5 * size(bend_n).high() * unit);
         Self {
             rows,
+            chart,
             force_n: size(force_n).high(),
             left_n: slope_n * unit * (CROSSING_WIDTH * UPWARDS),
             affine: *affine,
@@ -240,7 +173,8 @@ pub(super) struct Sums<'a, 'i> {
     /// The sum there, without the eliminated cable; before `A`, and after.
     others_n: Vector6<Interval>,
     others: Vector6<Interval>,
-    /// How it changes with the pose, without the eliminated cable; before `A`, and after.
+    /// How it changes with the pose, without the eliminated cable: before `A`, summed over the shells, and after, in the
+    /// mean.
     by_pose_n: ByPose,
     rows: Rows,
     /// Over the patch.
@@ -313,7 +247,9 @@ impl<'a, 'i> Sums<'a, 'i> {
         pieces.extend(down.into_iter().rev());
         pieces.extend(up);
         pieces.extend(self.beyond(high, bracket[1])?);
-        let joints = down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
+        let mut joints: Vec<Sum> =
+            down_joints.into_iter().rev().chain([here]).chain(up_joints).collect();
+        take_from_neighbours(&mut pieces, &mut joints);
         let patch = self.view.patch;
         let course = Course { patch, force_n, pieces, joints, first_fine, middle };
         Some((course, rows.middle))
@@ -342,7 +278,7 @@ impl<'a, 'i> Sums<'a, 'i> {
     fn rough(&self, chart: Interval) -> Option<Piece> {
         let cable = self.view.seed.eliminated;
         let sight = &self.view.sights[cable];
-        let hung = self.view.prover.curves.hung(cable, sight, chart)?;
+        let (hung, bend_n) = self.view.prover.curves.bending(cable, sight, chart)?;
         let along = self.inverse.times(&sight.wrench_n(&hung.force_n));
         let affine = self.rows.affine(self.view.patch, &(self.others + along));
         let sum = Sum::new(
@@ -350,7 +286,7 @@ impl<'a, 'i> Sums<'a, 'i> {
             self.all_others + along,
             &affine,
             &hung.force_n,
-            [&hung.force_by_chart_n, &Vector2::zeros()],
+            [&hung.force_by_chart_n, &bend_n],
         );
         let heading = Heading::at(&hung)?;
         let slope = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
@@ -472,6 +408,20 @@ impl<'a, 'i> Sums<'a, 'i> {
             }
         }
         Some((pieces, joints, chart))
+    }
+}
+
+/// The last step of a search may come from a little beyond a piece, and the curve bends as it does there.
+fn take_from_neighbours(pieces: &mut [Piece], joints: &mut [Sum]) {
+    let left: Vec<(Interval, f64)> =
+        pieces.iter().map(|piece| (piece.sum.chart, piece.sum.left_n)).collect();
+    for sum in pieces.iter_mut().map(|piece| &mut piece.sum).chain(joints) {
+        let unit = 1.0 + sum.chart.magnitude();
+        // From a coordinate so far away that is a little larger itself.
+        let near = sum.chart + Interval::symmetric(CROSSING_WIDTH.sqrt() * unit * 1.01);
+        let first = left.partition_point(|(chart, _)| chart.high() < near.low());
+        let near = left[first..].iter().take_while(|(chart, _)| chart.low() <= near.high());
+        sum.left_n = near.fold(sum.left_n, |most, (_, left_n)| most.max(*left_n));
     }
 }
 

@@ -1,5 +1,4 @@
-//! What a step of Newton's method misses, what arithmetic in f32 adds to it, and the errors that remain: see
-//! [`proof`](super).
+//! What a step of Newton's method misses, and what arithmetic in f32 adds to it: see [`proof`](super).
 
 use cdpr_core::CABLES;
 use nalgebra::Vector6;
@@ -90,7 +89,7 @@ impl Frame<'_> {
     }
 
     /// What arithmetic in f32 adds to a step from there that misses so much, with these errors. What is off of its matrix
-    /// counts here for the step along the tangents, and in the [`Columns`] for all beyond.
+    /// counts here for the step along the tangents, and in its columns for all beyond.
     pub(super) fn arithmetic(
         &self,
         from: &Tangents,
