@@ -87,7 +87,7 @@ pub const EMPTY: Payload = Payload {
 ///
 /// ```text
 /// cdpr table build --position 2,7,2.5 --region 1.8..2.2,6.8..7.2,1.8..2.6 --tilt-deg 1 \
-///     --max-length 50 --steps 3 --out firmware-example/tables/marionet-crane.cdpr
+///     --max-length 50 --steps 2 --out firmware-example/tables/marionet-crane.cdpr
 /// ```
 pub const TABLE: &[u8] = include_bytes!("../tables/marionet-crane.cdpr");
 

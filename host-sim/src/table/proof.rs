@@ -112,7 +112,7 @@ use super::curve::{Curves, Heading, Reach, across, size};
 use super::equations::{Across, Arithmetic, Columns, Equations, Errors};
 use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
-use super::sums::{Course, Inverse, Sums, UPWARDS, View, mean};
+use super::sums::{Course, Inverse, Sums, UPWARDS, View};
 use crate::interval::Interval;
 use newton::Missed;
 
@@ -440,7 +440,7 @@ impl<'a> Frame<'a> {
             add(sight, &heading)?;
         }
         add(&sights[cable], heading)?;
-        columns.turn(cable, &mean(&turning), patch);
+        columns.turn(cable, &self.view.mean(&turning), patch);
         Some(())
     }
 

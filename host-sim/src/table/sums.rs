@@ -7,6 +7,7 @@ use cdpr_core::elimination::Elimination;
 use cdpr_core::statics::Balance;
 use cdpr_core::table::COORDINATES;
 use nalgebra::{Matrix6, Vector2, Vector6};
+use num_traits::One;
 
 use super::affine::Affine;
 use super::curve::{Fine, Heading, Run, both, size, stretch};
@@ -16,8 +17,15 @@ use super::proof::Prover;
 use crate::interval::Interval;
 
 /// A derivative with the pose is taken in the mean on the way from the middle of a patch to any pose of it: so many shells
-/// are each crossed by the same part of the way, up to which it is less off than over the patch.
-const SHELLS: usize = 2;
+/// are each crossed by the same part of the way, up to which it is less off than over the patch. With three coordinates
+/// it is not worth its time.
+const fn shells(along: Along) -> u8 {
+    match along {
+        Along::Position => 1,
+        Along::PositionAndTurn { .. } => 2,
+    }
+}
+
 /// Fine pieces of the curve of the eliminated cable: length of the first from the solution, in units of how well that is
 /// known; how they grow; and how far the root of the coordinate changes over one at most.
 const FINEST: f64 = 0.5;
@@ -62,9 +70,10 @@ impl<'a> View<'a> {
     ) -> Option<Self> {
         let (sights, loading) = prover.likeness.look(&patch.region).ok()?;
         let along = prover.likeness.along(&patch.region);
-        let within = (1..SHELLS).map(|shell| {
-            #[allow(clippy::cast_precision_loss)] // a few
-            let share = Interval::point(shell as f64) / Interval::point(SHELLS as f64);
+        let shells = shells(along);
+        let within = (1..shells).map(|shell| {
+            let [shell, shells] = [shell, shells].map(|n| Interval::point(f64::from(n)));
+            let share = shell / shells;
             prover.likeness.look(&patch.part(along.count(), share)).ok()
         });
         let within = within.collect::<Option<_>>()?;
@@ -81,6 +90,12 @@ impl<'a> View<'a> {
     pub(super) fn shells(&self, cable: usize) -> impl Iterator<Item = &Sight> {
         let within = self.within.iter().map(move |(sights, _)| &sights[cable]);
         within.chain([&self.sights[cable]])
+    }
+
+    /// In the mean over all shells of what was summed over them.
+    pub(super) fn mean(&self, sum: &ByPose) -> ByPose {
+        let share = Interval::one() / Interval::point(f64::from(shells(self.along)));
+        sum.map(|column| column.map(|component| component * share))
     }
 }
 
@@ -207,7 +222,7 @@ impl<'a, 'i> Sums<'a, 'i> {
             }
         }
         let (others, rows) =
-            (inverse.times(&others_n), inverse.rows(&mean(&by_pose_n), view.along));
+            (inverse.times(&others_n), inverse.rows(&view.mean(&by_pose_n), view.along));
         let mut sums =
             Self { view, inverse, sights, others_n, others, by_pose_n, rows, all_others: others };
         sums.all_others += sums.rows.spread(patch, view.along);
@@ -321,7 +336,7 @@ impl<'a, 'i> Sums<'a, 'i> {
             let hung = self.view.prover.curves.hung(cable, sight, chart)?;
             sight.add_by_pose(&mut moving_n, &hung, along);
         }
-        let rows = self.inverse.rows(&mean(&moving_n), along);
+        let rows = self.inverse.rows(&self.view.mean(&moving_n), along);
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&hung.force_n));
         let sum = both(&plain, &(exact + rows.spread(self.view.patch, along)))?;
         let affine = rows.affine(self.view.patch, exact);
@@ -358,12 +373,12 @@ impl<'a, 'i> Sums<'a, 'i> {
         }
         add(sight, &run);
         // The slope.
-        let turning = self.inverse.rows(&mean(&turning), along);
+        let turning = self.inverse.rows(&self.view.mean(&turning), along);
         let slope_here = self.inverse.times(&here.wrench_n(&heading.vector(slant_here)));
         let plain = self.inverse.times(&sight.wrench_n(&heading.vector(heading.slant)));
         let slope = both(&plain, &(slope_here + turning.spread(self.view.patch, along)))?;
         // The sum.
-        let rows = self.inverse.rows(&mean(&moving_n), along);
+        let rows = self.inverse.rows(&self.view.mean(&moving_n), along);
         let gone_n = rate_here_n * (chart - Interval::point(from));
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&reach.force_n));
         let near = exact + slope_here.map(|slope| slope * gone_n);
@@ -423,13 +438,6 @@ fn take_from_neighbours(pieces: &mut [Piece], joints: &mut [Sum]) {
         let near = left[first..].iter().take_while(|(chart, _)| chart.low() <= near.high());
         sum.left_n = near.fold(sum.left_n, |most, (_, left_n)| most.max(*left_n));
     }
-}
-
-/// In the mean over all shells of what was summed over them.
-pub(super) fn mean(sum: &ByPose) -> ByPose {
-    #[allow(clippy::cast_precision_loss)] // a few
-    let share = Interval::point(1.0) / Interval::point(SHELLS as f64);
-    sum.map(|column| column.map(|component| component * share))
 }
 
 /// `A`, and what is needed to multiply with it.
