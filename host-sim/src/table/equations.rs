@@ -251,20 +251,16 @@ impl<'a> Equations<'a> {
         for number in solutions.clone() {
             rise_n(number)?;
         }
-        // And as far beyond as it may get.
-        let mut left_n = reach_n;
-        for number in (all.start..solutions.start).rev() {
-            if left_n < 0.0 {
-                break;
+        // And as far beyond as it may get, down and up.
+        let beyond: [&mut dyn Iterator<Item = usize>; 2] =
+            [&mut (all.start..solutions.start).rev(), &mut (solutions.end..all.end)];
+        for numbers in beyond {
+            let mut left_n = reach_n;
+            while left_n >= 0.0
+                && let Some(number) = numbers.next()
+            {
+                left_n -= rise_n(number)? / UPWARDS;
             }
-            left_n -= rise_n(number)? / UPWARDS;
-        }
-        let mut left_n = reach_n;
-        for number in solutions.end..all.end {
-            if left_n < 0.0 {
-                break;
-            }
-            left_n -= rise_n(number)? / UPWARDS;
         }
         let others_n = (alone_n + pulled * reach_n) * UPWARDS;
         Some(Errors { others_n, eliminated_n: reach_n * steepest * UPWARDS })
@@ -308,8 +304,8 @@ impl Others {
         Some(Self { base, sizes, turned, turning, besides, all })
     }
 
-    /// What becomes of the rows `r` as the others follow: `u = (A M)^-1 r = (1 + N)^-1 B r`, of which row `e` is the left side of the one
-    /// equation, and the others are minus how far those move. `None` where that is not bounded.
+    /// What becomes of the rows `r` as the others follow: `u = (A M)^-1 r = (1 + N)^-1 B r`, of which row `e` is the left
+    /// side of the one equation, and the others are minus how far those move. `None` where that is not bounded.
     fn follow(&self, rows: &Affine, apart: &Vector6<f64>) -> Option<Followed> {
         let Self { base, sizes, turned, turning, all, .. } = self;
         let sum = |of: &[Vector6<f64>]| of.iter().fold(Vector6::zeros(), |sum, v| sum + v.abs());
@@ -447,7 +443,7 @@ impl<'a> Columns<'a> {
 }
 
 /// A bound on all `e >= 0` with `e <= right + defect e`; `None` when that does not bound them.
-pub(super) fn fed_back(defect: &Matrix6<f64>, right: &Vector6<f64>) -> Option<Vector6<f64>> {
+fn fed_back(defect: &Matrix6<f64>, right: &Vector6<f64>) -> Option<Vector6<f64>> {
     let mut weights = *right;
     for _ in 0..FEEDBACK {
         weights = right + defect * weights;

@@ -332,10 +332,11 @@ impl<'a, 'i> Sums<'a, 'i> {
         let chart = Interval::point(chart);
         let hung = self.view.prover.curves.hung(cable, sight, chart)?;
         let mut moving_n = self.by_pose_n;
-        for sight in self.view.shells(cable) {
-            let hung = self.view.prover.curves.hung(cable, sight, chart)?;
-            sight.add_by_pose(&mut moving_n, &hung, along);
+        for (sights, _) in &self.view.within {
+            let within = self.view.prover.curves.hung(cable, &sights[cable], chart)?;
+            sights[cable].add_by_pose(&mut moving_n, &within, along);
         }
+        sight.add_by_pose(&mut moving_n, &hung, along);
         let rows = self.inverse.rows(&self.view.mean(&moving_n), along);
         let plain = self.all_others + self.inverse.times(&sight.wrench_n(&hung.force_n));
         let sum = both(&plain, &(exact + rows.spread(self.view.patch, along)))?;
