@@ -2,6 +2,9 @@
 
 use std::{env, fs, io, path::PathBuf};
 
+/// The warm-start table of the firmware.
+const TABLE: &str = "tables/marionet-crane.cdpr";
+
 /// The images that log.
 const LOGGING: [&str; 3] = ["cdpr-firmware-example", "in_the_loop", "measure"];
 
@@ -11,6 +14,10 @@ fn main() -> io::Result<()> {
     if env::var_os("CARGO_CFG_TARGET_OS").is_none_or(|os| os != "none") {
         return Ok(());
     }
+    // Another one may be measured.
+    println!("cargo:rerun-if-env-changed=CDPR_TABLE");
+    let table = env::var_os("CDPR_TABLE").map_or_else(|| PathBuf::from(TABLE), PathBuf::from);
+    println!("cargo:rustc-env=CDPR_TABLE={}", fs::canonicalize(table)?.display());
     let nucleo = env::var_os("CARGO_FEATURE_BOARD_NUCLEO_F446RE").is_some();
     let memory = if nucleo { "memory/nucleo-f446re.x" } else { "memory/mps2.x" };
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or(io::ErrorKind::NotFound)?);

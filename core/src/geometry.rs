@@ -187,6 +187,37 @@ impl<T: Real> Pose<T> {
 }
 
 impl<T: Real> Pose<T> {
+    /// The pose with a position (world frame, m) and a [`Pose::turn_vector`].
+    ///
+    /// # Errors
+    /// [`GeometryFault::InvalidPose`] when a number is not finite or the vector is as long as 1.
+    pub fn with_turn_vector(
+        position_m: Vector3<T>,
+        turn: &Vector3<T>,
+    ) -> Result<Self, GeometryFault> {
+        let cosine_sq = T::one() - dot(turn, turn);
+        let is_pose = cosine_sq > T::zero() && position_m.iter().all(|c| c.is_finite()); // false for NaN
+        if !is_pose {
+            return Err(GeometryFault::InvalidPose);
+        }
+        // R = c + [t] + t t^T/(1 + c)
+        let cosine = cosine_sq.sqrt();
+        let u = *turn * (T::one() / (T::one() + cosine));
+        let (x, y, z) = (turn.x, turn.y, turn.z);
+        let rotation = Matrix3::new(
+            cosine + u.x * x,
+            u.x * y - z,
+            u.x * z + y,
+            u.y * x + z,
+            cosine + u.y * y,
+            u.y * z - x,
+            u.z * x - y,
+            u.z * y + x,
+            cosine + u.z * z,
+        );
+        Ok(Self { position_m, rotation })
+    }
+
     /// The pose at the share `s` in `[0, 1]` of the way to `other`: positions and axes go straight, and
     /// the axes are made orthonormal again to the third order of the angle (one step of Newton's method
     /// for the polar factor, `R (3 - R^T R) / 2`).
@@ -208,16 +239,19 @@ impl<T: Real> Pose<T> {
         (norm3(&way), square.sqrt())
     }
 
+    /// The turn to the orientation of `other`, about world axes: a vector along its axis, as long as the sine of its angle.
+    #[must_use]
+    pub(crate) fn turned_to(&self, other: &Self) -> Vector3<T> {
+        skew(&(other.rotation * self.rotation.transpose()))
+    }
+
     /// The orientation as a vector along the axis of the turn, as long as the sine of its angle: half the
     /// skew part of the rotation matrix, with no trigonometry. `None` for turns of a right angle and more.
     #[must_use]
     pub fn turn_vector(&self) -> Option<Vector3<T>> {
         let r = &self.rotation;
         let is_small = r.m11 + r.m22 + r.m33 > T::one(); // 1 + 2 cos
-        let half = T::constant(0.5);
-        is_small.then(|| {
-            Vector3::new((r.m32 - r.m23) * half, (r.m13 - r.m31) * half, (r.m21 - r.m12) * half)
-        })
+        is_small.then(|| skew(r))
     }
 
     /// Largest coordinate of the position, without sign, m.
@@ -285,6 +319,12 @@ pub(crate) fn norm3<T: Scalar>(v: &Vector3<T>) -> T {
     dot(v, v).sqrt()
 }
 
+/// The vector whose cross product is the skew part of a matrix.
+fn skew<T: Real>(r: &Matrix3<T>) -> Vector3<T> {
+    let half = T::constant(0.5);
+    Vector3::new((r.m32 - r.m23) * half, (r.m13 - r.m31) * half, (r.m21 - r.m12) * half)
+}
+
 /// Scalar product.
 #[inline]
 fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
@@ -311,6 +351,33 @@ mod tests {
         [0.0, 0.0, 2.0],
         [0.0, 0.0, 2.0],
     ];
+
+    #[test]
+    fn turn_vectors_lead_there_and_back() {
+        let position_m = Vector3::new(1.0, -2.0, 3.0);
+        for turn in [[0.0, 0.0, 0.0], [0.1, -0.2, 0.3], [-0.9, 0.0, 0.3], [1e-9, 2e-9, 0.0]] {
+            let turn = Vector3::<f64>::from(turn);
+            let pose = Pose::with_turn_vector(position_m, &turn).unwrap();
+            // By the half angle: (cos(a/2), sin(a/2) axis).
+            let cosine = Scalar::sqrt(1.0 - turn.norm_squared());
+            let w = Scalar::sqrt(0.5 * (1.0 + cosine));
+            let [x, y, z] = (turn / (2.0 * w)).into();
+            let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+            let same = Pose::new(position_m, UnitQuaternion::new_unchecked(quaternion)).unwrap();
+            let (moved_m, turned) = pose.apart(&same);
+            assert!(moved_m == 0.0 && turned < 1e-15, "{turn:?}: {turned:e}");
+            let back = pose.turn_vector().unwrap() - turn;
+            assert!(back.norm() <= 1e-15 * turn.norm(), "{turn:?}: {back:?}");
+            let still = Pose::with_turn_vector(position_m, &Vector3::zeros()).unwrap();
+            assert!((still.turned_to(&pose) - turn).norm() <= 1e-15 * turn.norm());
+        }
+        for turn in [[1.0, 0.0, 0.0], [0.8, 0.0, -0.7], [f64::NAN, 0.0, 0.0], [f64::INFINITY; 3]] {
+            let refused = Pose::with_turn_vector(position_m, &Vector3::from(turn));
+            assert_eq!(refused, Err(GeometryFault::InvalidPose));
+        }
+        let nowhere = Vector3::new(0.0, f64::NAN, 0.0);
+        assert!(Pose::with_turn_vector(nowhere, &Vector3::zeros()).is_err());
+    }
 
     #[test]
     fn refuses_what_has_no_statics() {

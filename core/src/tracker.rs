@@ -1,15 +1,16 @@
 //! One branch of the inverse kinematics, followed from tick to tick.
 
+mod start;
+
 use nalgebra::{Vector2, Vector3, Vector6};
 
 use crate::certificate::{Change, Hanging, Move, NewtonSize, rounding};
 use crate::elimination::Square;
 use crate::geometry::norm3;
 use crate::statics;
-use crate::table::{self, Table};
 use crate::{
-    CABLES, CableModel, CablePlane, CableState, Certificate, Charted, CurvePoint, Fault, Load,
-    Pose, Real, Robot, Scalar, ShapedCable, StepFault,
+    CABLES, CableModel, CablePlane, CableState, Certificate, CurvePoint, Fault, Load, Pose, Real,
+    Robot, Scalar, ShapedCable, StepFault,
 };
 
 /// Velocity of the platform: of its origin, and of turning, world axes.
@@ -124,13 +125,6 @@ pub const MAX_PARTS: u8 = 11;
 /// Shortest part of a move.
 const SHORTEST_PART: f64 = 1.0 / 8.0;
 
-/// Newton steps of [`Tracker::start`].
-pub const START_STEPS: u8 = 20;
-
-/// A start has settled when a step is below this many rounding units of the tensions: what rounding
-/// times the condition of a good posture leaves.
-const START_STEP: f64 = 4096.0;
-
 /// A pose and what holds the platform there.
 #[derive(Clone, Copy, Debug)]
 struct Solution<T: Scalar> {
@@ -157,101 +151,16 @@ enum Refusal<T> {
     Unproven { contraction: T },
 }
 
+impl<T> Refusal<T> {
+    fn fault(self) -> Fault<T> {
+        match self {
+            Self::Fault(fault) => fault,
+            Self::Unproven { contraction } => Fault::NotCertified { contraction },
+        }
+    }
+}
+
 impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
-    /// Starts at the solution that Newton's method finds from `states`, at most [`START_STEPS`] steps
-    /// away. That it is the branch wanted is the caller's to know; from here on it is kept.
-    ///
-    /// # Errors
-    /// [`Fault`].
-    pub fn start(
-        robot: Robot<T, M>,
-        load: Load<T>,
-        settings: TrackerSettings<T>,
-        set_point: &SetPoint<T>,
-        states: &[CableState<T>; CABLES],
-    ) -> Result<Self, Fault<T>> {
-        let now = Solution { pose: set_point.pose, command: Command::at(states) };
-        let settings = TrackerSettings {
-            cables: settings.cables.each_ref().map(CableLimits::finite),
-            ..settings
-        };
-        let mut tracker = Self { robot, load, settings, now };
-        tracker.check(set_point)?;
-        let mut contraction = T::HUGE;
-        for _ in 0..START_STEPS {
-            // The steps follow each other without prediction, and nothing was known before.
-            for cable in &mut tracker.now.command.cables {
-                cable.rest_length_rate_m_s = T::zero();
-                cable.force_rate_n_s = Vector2::new(T::zero(), T::zero());
-            }
-            tracker.now.command.certificate.existence_radius_n = T::zero();
-            let settled = T::constant(START_STEP) * T::EPSILON;
-            let outcome = tracker.advance(set_point, &Move::none(), T::zero(), Purpose::Start);
-            match outcome {
-                Ok((step_n, tensions_n)) if step_n <= settled * tensions_n => {
-                    // The same again, this time to be commanded.
-                    let still = Move::none();
-                    return match tracker.advance(set_point, &still, T::zero(), Purpose::Command) {
-                        Ok(_) => Ok(tracker),
-                        Err(Refusal::Fault(fault)) => Err(fault),
-                        Err(Refusal::Unproven { contraction }) => {
-                            Err(Fault::NotCertified { contraction })
-                        }
-                    };
-                }
-                Ok(_) => {}
-                Err(Refusal::Unproven { contraction: found }) => contraction = found,
-                Err(Refusal::Fault(fault)) => return Err(fault),
-            }
-        }
-        Err(Fault::NotCertified { contraction })
-    }
-
-    /// Starts on the sheet of a warm-start table: at the solution that its seed for the pose leads to.
-    ///
-    /// # Errors
-    /// [`Fault::Table`] when the table is for another robot or load or has no seed for the pose, and those
-    /// of [`Tracker::start`]; [`Fault::NotCertified`] as well when that ended elsewhere than the seed.
-    pub fn start_from(
-        robot: Robot<T, M>,
-        load: Load<T>,
-        settings: TrackerSettings<T>,
-        set_point: &SetPoint<T>,
-        table: &Table<'_>,
-    ) -> Result<Self, Fault<T>>
-    where
-        M: Charted<T>,
-    {
-        table.check(&robot, &load).map_err(Fault::Table)?;
-        let states = table.states(&robot, &load, &set_point.pose).map_err(Fault::Table)?;
-        let tracker = Self::start(robot, load, settings, set_point, &states)?;
-        let (mut moved_n, mut forces_n) = (T::zero(), T::zero());
-        for (cable, state) in tracker.now.command.cables.iter().zip(&states) {
-            let moved = cable.force_n - state.force_n;
-            moved_n = moved_n.max(moved.x.abs() + moved.y.abs());
-            forces_n += cable.force_n.x.abs() + cable.force_n.y.abs();
-        }
-        let stayed = moved_n <= T::constant(2.0 * table::TOLERANCE) * forces_n; // false for NaN
-        let contraction = tracker.now.command.certificate.contraction;
-        if stayed { Ok(tracker) } else { Err(Fault::NotCertified { contraction }) }
-    }
-
-    /// [`Tracker::start_from`] with the robot, the load and the settings that it has.
-    ///
-    /// # Errors
-    /// [`Fault`]; the last command then stands.
-    pub fn restart_from(
-        &mut self,
-        set_point: &SetPoint<T>,
-        table: &Table<'_>,
-    ) -> Result<(), Fault<T>>
-    where
-        M: Charted<T>,
-    {
-        *self = Self::start_from(self.robot, self.load, self.settings, set_point, table)?;
-        Ok(())
-    }
-
     /// The next command: for the pose of `set_point`, on the branch of the last one.
     ///
     /// # Errors

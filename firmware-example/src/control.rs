@@ -6,6 +6,7 @@ use cdpr_core::controller::{
 };
 use cdpr_core::winch::{Drum, DrumFault, MotorAngle};
 use cdpr_core::{CABLES, Fault, Table, Tracker};
+use cdpr_link::station::WAY_PARTS;
 use heapless::spsc::Consumer;
 
 use crate::Number;
@@ -266,7 +267,7 @@ pub fn request<T: Number>(
     match request {
         Some(Request::Arm) => controller.arm(readings),
         Some(Request::Acknowledge) => controller.acknowledge(readings),
-        Some(Request::Recover) => controller.restart_from(*controller.stance(), table),
+        Some(Request::Recover) => controller.restart_from(*controller.stance(), table, WAY_PARTS),
         None => Ok(()),
     }
 }
@@ -287,6 +288,7 @@ pub fn start_controller<T: Number>(
         robot::controller_settings(),
         Path::new(*course).target().stance,
         table,
+        WAY_PARTS,
     )
 }
 

@@ -9,9 +9,10 @@
 
 use std::error::Error;
 
+use cdpr_host_sim::problem::Precision;
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_host_sim::simulate::{
-    Beginning, HostController, Precision, Scenario, Simulation, Summary, Trajectory,
+    Beginning, HostController, Scenario, Simulation, Summary, Trajectory,
 };
 
 const TRAJECTORY: &str = "time_s,x_m,y_m,z_m

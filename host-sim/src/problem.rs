@@ -45,6 +45,16 @@ impl<M: CableModel<f64>> Problem<M> {
     }
 }
 
+/// The number type of a controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Precision {
+    /// Single, as on a Cortex-M4F.
+    #[default]
+    F32,
+    /// Double, as on a Cortex-M7.
+    F64,
+}
+
 /// Robot and load as a controller in `T` has them: each number rounded once.
 ///
 /// # Errors

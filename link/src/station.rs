@@ -13,6 +13,9 @@ use heapless::Deque;
 
 use crate::messages::{Decision, Inputs, Mode, Motor, Note, Request, Start};
 
+/// Parts of the way to a pose that a warm-start table does not cover, from the nearest one that it covers: enough for all but
+/// the vicinity of folds.
+pub const WAY_PARTS: u16 = 64;
 /// Events that may happen in a period.
 const EVENTS: usize = 8;
 
@@ -82,9 +85,16 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
         table: Table<'t>,
     ) -> Result<Self, StationFault<T>> {
         let Blueprint { robot, load, tracker, controller, drum, monitor } = blueprint;
-        let controller =
-            Controller::start_from(robot, load, tracker, controller, start.stance(), &table)
-                .map_err(StationFault::Controller)?;
+        let controller = Controller::start_from(
+            robot,
+            load,
+            tracker,
+            controller,
+            start.stance(),
+            &table,
+            WAY_PARTS,
+        )
+        .map_err(StationFault::Controller)?;
         Self::around(controller, Some(table), &drum, start, monitor)
     }
 
@@ -196,7 +206,7 @@ impl<'t, T: Countable + core::fmt::Display, M: ShapedCable<T> + Charted<T>> Stat
             Request::Cancel => controller.cancel(),
             Request::Acknowledge => controller.acknowledge(readings),
             Request::Recover => match &self.table {
-                Some(table) => controller.restart_from(*controller.stance(), table),
+                Some(table) => controller.restart_from(*controller.stance(), table, WAY_PARTS),
                 // What the last command was is still certified: arming goes back there.
                 None => Ok(()),
             },

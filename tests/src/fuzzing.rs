@@ -336,9 +336,12 @@ fn look_up(table: &Table<'_>, bytes: &[u8]) {
         let twist = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
         let settings = robot::settings();
         let set_point = SetPoint { pose, twist };
-        if let Ok(tracker) = Tracker::start_from(robot, load, settings, &set_point, table) {
-            assert!(mine.is_ok() && seed.is_ok());
-            check(tracker.command(), &settings);
+        for way_parts in [0, 4] {
+            let started = Tracker::start_from(robot, load, settings, &set_point, table, way_parts);
+            if let Ok(tracker) = started {
+                assert!(mine.is_ok() && (seed.is_ok() || way_parts > 0));
+                check(tracker.command(), &settings);
+            }
         }
     }
 }

@@ -4,14 +4,15 @@ use cdpr_core::controller::Stance;
 use cdpr_core::{CABLES, CableModel, IrvineCatenary, Load, Robot, Table};
 use cdpr_host_sim::enumerate::{Method, ModelKind, Options, Request};
 use cdpr_host_sim::forward;
+use cdpr_host_sim::problem::Precision;
 use cdpr_host_sim::robot_file::RobotDescription;
 use cdpr_host_sim::simulate::controller;
 use cdpr_host_sim::simulate::firmware::Firmware;
 use cdpr_host_sim::simulate::scenario::{Fault, TimedFault};
 use cdpr_host_sim::simulate::summary::Outcome;
 use cdpr_host_sim::simulate::{
-    Beginning, HostController, Plant, Precision, Sample, Scenario, Simulation, Summary, Trajectory,
-    Truth, Weather,
+    Beginning, HostController, Plant, Sample, Scenario, Simulation, Summary, Trajectory, Truth,
+    Weather,
 };
 use cdpr_link::{Decision, Start};
 use cdpr_tests::images::M4F_F32;

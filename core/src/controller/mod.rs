@@ -137,7 +137,8 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
         Ok(Self::around(tracker.map_err(StartFault::Tracker)?, settings, stance))
     }
 
-    /// [`Controller::start`] with the states that a warm-start table gives for `stance`.
+    /// [`Controller::start`] on the sheet of a warm-start table, on a way of so many parts at most
+    /// ([`Tracker::start_from`]).
     ///
     /// # Errors
     /// [`StartFault`], that of the tracker as in [`Tracker::start_from`].
@@ -148,13 +149,14 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
         settings: ControllerSettings<T>,
         stance: Stance<T>,
         table: &Table<'_>,
+        way_parts: u16,
     ) -> Result<Self, StartFault<T>>
     where
         M: Charted<T>,
     {
         settings.check(&tracker).map_err(StartFault::Setting)?;
         let set_point = resting_at(&stance).map_err(StartFault::Tracker)?;
-        let tracker = Tracker::start_from(robot, load, tracker, &set_point, table);
+        let tracker = Tracker::start_from(robot, load, tracker, &set_point, table, way_parts);
         Ok(Self::around(tracker.map_err(StartFault::Tracker)?, settings, stance))
     }
 
@@ -227,12 +229,17 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
     /// In [`State::Disarmed`]: starts anew at `stance`, on the sheet of a warm-start table, wherever the
     /// last command held the platform. [`Controller::arm`] then brings the winches to the lengths of that.
     ///
-    /// Cost: that of [`Tracker::start_from`], several ticks' worth. Nothing moves meanwhile, but a caller in an
-    /// interrupt must bear it.
+    /// Cost: that of [`Tracker::start_from`], several ticks' worth and one more for each part of the way. Nothing moves
+    /// meanwhile, but a caller in an interrupt must bear it.
     ///
     /// # Errors
     /// [`Refusal`]: not disarmed, or [`Refusal::NoRestart`].
-    pub fn restart_from(&mut self, stance: Stance<T>, table: &Table<'_>) -> Result<(), Refusal<T>>
+    pub fn restart_from(
+        &mut self,
+        stance: Stance<T>,
+        table: &Table<'_>,
+        way_parts: u16,
+    ) -> Result<(), Refusal<T>>
     where
         M: Charted<T>,
     {
@@ -240,7 +247,8 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
             return Err(Refusal::NotNow(self.state()));
         };
         let set_point = resting_at(&stance).map_err(Refusal::NoRestart)?;
-        self.tracker.restart_from(&set_point, table).map_err(Refusal::NoRestart)?;
+        let restarted = self.tracker.restart_from(&set_point, table, way_parts);
+        restarted.map_err(Refusal::NoRestart)?;
         self.stance = stance;
         Ok(())
     }

@@ -53,6 +53,7 @@
 //! A table holds for every robot whose parameters differ from its own by no more than the part
 //! [`LIKENESS`], which covers those that were rounded to `f32` on another way.
 
+mod nearest;
 mod node;
 mod seed;
 
@@ -409,15 +410,10 @@ impl<'a> Table<'a> {
     /// [`TableFault`]: outside the region, uncovered, malformed.
     pub fn start_at<T: Real>(&self, pose: &Pose<T>) -> Result<Start<T>, TableFault> {
         let place = coordinates(pose).ok_or(TableFault::OutsideRegion)?;
-        let (low, extent) = (self.low(), self.extent());
-        let mut t = [T::zero(); COORDINATES];
-        for k in 0..COORDINATES {
-            let number = |x: f32| T::constant(f64::from(x));
-            t[k] = (place[k] - number(low[k])) / number(extent[k]);
-            let is_inside = t[k] >= T::zero() && t[k] <= T::one(); // false for NaN
-            if !is_inside {
-                return Err(TableFault::OutsideRegion);
-            }
+        let mut t = self.place(&place);
+        let is_inside = t.iter().all(|t| *t >= T::zero() && *t <= T::one()); // false for NaN
+        if !is_inside {
+            return Err(TableFault::OutsideRegion);
         }
         let mut index = 0;
         for _ in 0..=MAX_DEPTH {
@@ -445,6 +441,14 @@ impl<'a> Table<'a> {
             }
         }
         Err(TableFault::Malformed)
+    }
+
+    /// Where coordinates are, the sides of the region from 0 to 1.
+    #[inline]
+    fn place<T: Real>(&self, at: &[T; COORDINATES]) -> [T; COORDINATES] {
+        let (low, extent) = (self.low(), self.extent());
+        let number = |x: f32| T::constant(f64::from(x));
+        core::array::from_fn(|k| (at[k] - number(low[k])) / number(extent[k]))
     }
 
     /// Newton steps that suffice, by proof.

@@ -75,14 +75,20 @@ impl Plane {
     /// Units of the offset in one of the normal.
     pub const PER_UNIT: f64 = 16.0;
 
+    /// How far beyond it a place in the box is, in units of the normal; negative before it.
+    #[inline]
+    pub(super) fn beyond<T: Real>(self, place: &[T; COORDINATES]) -> T {
+        let number = |n: i16| T::constant(f64::from(n));
+        let terms = self.normal.iter().zip(place).map(|(n, t)| number(i16::from(*n)) * *t);
+        let along = terms.fold(T::zero(), |sum, term| sum + term);
+        along - number(self.offset) * T::constant(1.0 / Self::PER_UNIT)
+    }
+
     /// Whether a place in the box is beyond it.
     #[inline]
     #[must_use]
     pub fn is_beyond<T: Real>(&self, place: &[T; COORDINATES]) -> bool {
-        let number = |n: i16| T::constant(f64::from(n));
-        let terms = self.normal.iter().zip(place).map(|(n, t)| number(i16::from(*n)) * *t);
-        let along = terms.fold(T::zero(), |sum, term| sum + term);
-        along > number(self.offset) * T::constant(1.0 / Self::PER_UNIT)
+        self.beyond(place) > T::zero()
     }
 }
 

@@ -140,10 +140,18 @@ mod image {
         };
         told(table.start_at(&set_point.pose));
         told(table.states(&robot, &load, &set_point.pose));
-        let started = Tracker::start_from(robot, load, tracker, &set_point, &table);
-        told(black_box(told(started)?).restart_from(&set_point, &table));
-        told(Controller::<T, _, 8>::start_from(robot, load, tracker, settings, stance(), &table));
-        told(controller.restart_from(stance(), &table));
+        let started = Tracker::start_from(robot, load, tracker, &set_point, &table, black_box(8));
+        told(black_box(told(started)?).restart_from(&set_point, &table, black_box(8)));
+        told(Controller::<T, _, 8>::start_from(
+            robot,
+            load,
+            tracker,
+            settings,
+            stance(),
+            &table,
+            black_box(8),
+        ));
+        told(controller.restart_from(stance(), &table, black_box(8)));
         told(controller.arm(&readings()));
         black_box(controller.tick(&readings(), || black_box(Some(way_point()))));
         told(controller.stop());

@@ -14,14 +14,15 @@ use super::whole_file::WholeFile;
 use super::{CliError, Format, positive, progress_bar, write_pretty};
 use crate::cases::Overrides;
 use crate::output::run as output;
+use crate::problem::Precision;
 use crate::robot_file::RobotDescription;
 use crate::simulate::controller::blueprint;
 use crate::simulate::firmware::Firmware;
 use crate::simulate::log::Log;
 use crate::simulate::scenario::Fault;
 use crate::simulate::{
-    BeginError, Beginning, Controller, HostController, Precision, Sample, Scenario, Simulation,
-    Summary, Trajectory,
+    BeginError, Beginning, Controller, HostController, Sample, Scenario, Simulation, Summary,
+    Trajectory,
 };
 
 #[derive(Debug, Args)]

@@ -15,8 +15,9 @@ use super::{
 use crate::choice::Choice;
 use crate::in_order;
 use crate::journal::{self, Journal, Shard};
+use crate::problem::Precision;
 use crate::table::{
-    Effort, LEVEL, Order, OrderError, Outcome, PoseBox, Sheets, Verification, verify,
+    Effort, LEVEL, Led, Order, OrderError, Outcome, PoseBox, Sheets, Verification, verify,
 };
 
 const SHARD_HELP: &str = "\
@@ -124,6 +125,13 @@ pub(super) struct Verify {
     /// Where the random numbers begin
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Start where the table has no seed as well, by a certified way of at most so many parts from the nearest pose that
+    /// it covers; 0 for not
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    way_parts: u16,
+    /// Arithmetic of the controller
+    #[arg(long, value_enum, default_value_t)]
+    precision: Precision,
     /// Text or JSON
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -395,22 +403,42 @@ impl Verify {
     fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
         let bytes = read(&self.table)?;
         let table = open(&self.table, &bytes)?;
-        let found = verify(&table, self.poses, self.seed)
+        let found = verify(&table, self.poses, self.seed, self.precision, self.way_parts)
             .map_err(|fault| CliError::Table { path: self.table.display().to_string(), fault })?;
         if self.format == Format::Json {
             write_pretty(out, &found)?;
         } else {
-            let Verification { poses, covered, confirmed, wrong, undecided, with_others } = found;
-            writeln!(out, "{poses} random poses, {covered} covered")?;
-            writeln!(
-                out,
-                "{confirmed} lead to a solution that the complete search proves, {wrong} do not, {undecided} undecided"
-            )?;
-            writeln!(out, "{with_others} of these poses have other solutions as well")?;
+            let Verification { poses, covered, by_way, unreached } = found;
+            writeln!(out, "{poses} random poses, {} covered", covered.poses)?;
+            write_led(out, &covered)?;
+            if self.way_parts > 0 {
+                writeln!(
+                    out,
+                    "{} others reached from the nearest covered pose, in at most {} parts",
+                    by_way.poses, self.way_parts
+                )?;
+                write_led(out, &by_way)?;
+                writeln!(
+                    out,
+                    "{unreached} others not reached that have a solution of the sheet's sign within its lengths"
+                )?;
+            }
         }
         out.flush()?;
-        if found.wrong > 0 { Err(CliError::Wrong(found.wrong)) } else { Ok(()) }
+        match found.wrong() {
+            0 => Ok(()),
+            wrong => Err(CliError::Wrong(wrong)),
+        }
     }
+}
+
+fn write_led(out: &mut impl Write, led: &Led) -> std::io::Result<()> {
+    let Led { confirmed, wrong, undecided, with_others, .. } = led;
+    writeln!(
+        out,
+        "  {confirmed} lead to a solution that the complete search proves, {wrong} do not, {undecided} undecided"
+    )?;
+    writeln!(out, "  {with_others} of these poses have other solutions as well")
 }
 
 impl EmitRust {

@@ -4,14 +4,14 @@ use cdpr_core::winch::{Countable, DrumFault};
 use cdpr_core::{
     CABLES, CableState, GeometryFault, IrvineCatenary, Pose, SetPoint, Table, Tracker, Twist,
 };
-use cdpr_link::station::{Blueprint, StationFault};
+use cdpr_link::station::{Blueprint, StationFault, WAY_PARTS};
 use cdpr_link::{Decision, Inputs, Start, Station};
 use nalgebra::Vector3;
 
 use super::trajectory::Trajectory;
 use crate::choice::{Choice, ChoiceError, choose};
 use crate::enumerate::{ModelKind, Request};
-use crate::problem::rounded;
+use crate::problem::{Precision, rounded};
 use crate::robot_file::RobotDescription;
 
 /// What decides in each period: the controller on the host, firmware, or a user's own.
@@ -24,16 +24,6 @@ pub trait Controller {
     /// # Errors
     /// As it says itself; the simulation then ends.
     fn tick(&mut self, inputs: &Inputs) -> Result<Decision<f64>, Self::Error>;
-}
-
-/// The number type of a controller.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Precision {
-    /// Single, as on a Cortex-M4F.
-    #[default]
-    F32,
-    /// Double, as on a Cortex-M7.
-    F64,
 }
 
 /// Why a simulation does not begin.
@@ -99,6 +89,7 @@ impl Beginning {
                 blueprint.tracker,
                 &set_point,
                 table,
+                WAY_PARTS,
             )
             .map_err(|fault| BeginError::Start(fault.to_string()))?;
             tracker.command().cables.map(|cable| CableState {

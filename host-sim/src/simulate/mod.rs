@@ -21,7 +21,7 @@ pub mod summary;
 pub mod trajectory;
 pub mod winch;
 
-pub use controller::{BeginError, Beginning, Controller, HostController, Precision};
+pub use controller::{BeginError, Beginning, Controller, HostController};
 pub use plant::{Plant, PlantError, Truth, Weather};
 pub use scenario::Scenario;
 pub use summary::Summary;

@@ -49,7 +49,7 @@ pub use place::PoseBox;
 use proof::{Prover, is_same};
 pub use sheets::{BestPose, Border, Member, Sheet, Sheets};
 use survey::Survey;
-pub use verify::{Verification, verify};
+pub use verify::{Led, Verification, verify};
 
 /// The cable model of a table.
 pub type Model = IrvineCatenary<f64>;
@@ -309,7 +309,7 @@ impl Order {
         };
         let bytes = write(&plan)?;
         let table = Table::open(&bytes).expect("what was just written");
-        let at_start = place::pose(&start).map_err(OrderError::Pose)?;
+        let at_start = place::pose::<f64>(&start).map_err(OrderError::Pose)?;
         // On a face of cells the reader's side may be covered by none.
         let is_left_out = plan.cells() < found;
         let lost = if is_left_out { OrderError::StartLeftOut } else { OrderError::StartUncovered };
@@ -327,7 +327,7 @@ impl Order {
         for at in region.poses.spread(COVERAGE_SAMPLES.max(SAMPLES_OF_CELL * cells)) {
             if survey.solution(&at).is_some_and(|found| found.is_within) {
                 wanted += 1;
-                let pose = place::pose(&at).map_err(OrderError::Pose)?;
+                let pose = place::pose::<f64>(&at).map_err(OrderError::Pose)?;
                 covered += usize::from(table.start_at(&pose).is_ok());
             }
         }

@@ -11,8 +11,8 @@ use std::ops::Range;
 
 use cdpr_core::chart::Hung;
 use cdpr_core::table::{COORDINATES, LIKENESS};
-use cdpr_core::{CABLES, GeometryFault, Load, Pose, Robot, Scalar};
-use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
+use cdpr_core::{CABLES, GeometryFault, Load, Pose, Real, Robot, Scalar};
+use nalgebra::{Vector2, Vector3, Vector6};
 use num_traits::{One, Zero};
 
 use super::Model;
@@ -26,14 +26,10 @@ pub(super) fn dot(a: &Point, b: &Point) -> f64 {
     (0..COORDINATES).map(|k| a[k] * b[k]).sum()
 }
 
-/// The pose with these coordinates.
-pub(super) fn pose(at: &Point) -> Result<Pose<f64>, GeometryFault> {
-    let turn = Vector3::new(at[3], at[4], at[5]);
-    let cosine = (1.0 - turn.norm_squared()).sqrt();
-    let w = (0.5 * (1.0 + cosine)).sqrt();
-    let v = turn / (2.0 * w);
-    let orientation = UnitQuaternion::new_unchecked(Quaternion::new(w, v.x, v.y, v.z));
-    Pose::new(Vector3::new(at[0], at[1], at[2]), orientation)
+/// The pose with these coordinates, rounded to a number type.
+pub(super) fn pose<T: Real>(at: &Point) -> Result<Pose<T>, GeometryFault> {
+    let [x, y, z, turn @ ..] = at.map(T::constant);
+    Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into())
 }
 
 /// A box of poses.

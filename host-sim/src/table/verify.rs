@@ -1,18 +1,22 @@
 //! A table held against the complete search, at random poses.
 
-use cdpr_core::table::{COORDINATES, TOLERANCE, Table, TableFault};
-use cdpr_core::{CABLES, CableState, IrvineCatenary, Load, Pose, Robot};
+use cdpr_core::chart::{ChartStep, Charted as _, Start};
+use cdpr_core::statics::Balance;
+use cdpr_core::table::{TOLERANCE, Table, TableFault};
+use cdpr_core::{
+    CABLES, CableLimits as WinchLimits, CableState, Command, Load, Pose, Real, Robot, SetPoint,
+    Tracker, TrackerSettings, Twist,
+};
 use nalgebra::Vector3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt as _, SeedableRng as _};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::place::pose;
+use super::place::{Point, pose};
 use super::{Model, machine};
-use crate::complete::complete;
-use crate::problem::Problem;
-use crate::problem::rounded;
+use crate::complete::{Complete, Proof, complete};
+use crate::problem::{Precision, Problem, rounded};
 use crate::robot_file::CableLimits;
 
 /// The complete search goes this far beyond the longest length that the table leads to at a pose.
@@ -25,116 +29,233 @@ const TENSION_ROOM: f64 = 20.0;
 pub struct Verification {
     /// Poses tried.
     pub poses: usize,
-    /// Of these, covered.
-    pub covered: usize,
-    /// Covered ones at which f32 arithmetic led to a solution that the complete search proves to exist.
+    /// Those that the table covers, and where its seeds lead there.
+    pub covered: Led,
+    /// Others that a start by way reaches.
+    pub by_way: Led,
+    /// Others, if ways were asked for, at which the complete search proves a solution of the sign of the sheet within the
+    /// lengths for which that was wanted.
+    pub unreached: usize,
+}
+
+/// What a controller is led to at poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Led {
+    /// Poses.
+    pub poses: usize,
+    /// Those where it is a solution that the complete search proves to exist.
     pub confirmed: usize,
-    /// Those where it led elsewhere.
+    /// Those where it is not.
     pub wrong: usize,
     /// Those where the search could not decide.
     pub undecided: usize,
     /// Confirmed ones at which there are other solutions as well.
     pub with_others: usize,
+    /// Confirmed ones within the lengths for which the sheet was wanted.
+    pub within_lengths: usize,
 }
 
 impl Verification {
+    /// Poses where the controller is led elsewhere than to a solution.
+    #[must_use]
+    pub fn wrong(&self) -> usize {
+        self.covered.wrong + self.by_way.wrong
+    }
+
     fn add(self, other: Self) -> Self {
         Self {
             poses: self.poses + other.poses,
-            covered: self.covered + other.covered,
-            confirmed: self.confirmed + other.confirmed,
-            wrong: self.wrong + other.wrong,
-            undecided: self.undecided + other.undecided,
-            with_others: self.with_others + other.with_others,
+            covered: self.covered.add(other.covered),
+            by_way: self.by_way.add(other.by_way),
+            unreached: self.unreached + other.unreached,
         }
     }
 }
 
-/// Checks a table at `poses` random poses of its region.
+impl Led {
+    fn add(self, other: Self) -> Self {
+        Self {
+            poses: self.poses + other.poses,
+            confirmed: self.confirmed + other.confirmed,
+            wrong: self.wrong + other.wrong,
+            undecided: self.undecided + other.undecided,
+            with_others: self.with_others + other.with_others,
+            within_lengths: self.within_lengths + other.within_lengths,
+        }
+    }
+}
+
+/// A table with its robot, and parts of a way at most.
+struct Check<'a> {
+    table: &'a Table<'a>,
+    robot: Robot<f64, Model>,
+    load: Load<f64>,
+    way_parts: u16,
+    /// The sign of the sheet.
+    is_positive: bool,
+}
+
+/// Checks what a table leads a controller of some precision to at `poses` random poses of its region, where it covers none
+/// on a way of so many parts at most (0: not at all).
 ///
 /// # Errors
-/// [`TableFault::Malformed`] when its robot is none.
-pub fn verify(table: &Table<'_>, poses: usize, seed: u64) -> Result<Verification, TableFault> {
+/// [`TableFault::Malformed`] when its robot is none, or it has no seed.
+pub fn verify(
+    table: &Table<'_>,
+    poses: usize,
+    seed: u64,
+    precision: Precision,
+    way_parts: u16,
+) -> Result<Verification, TableFault> {
     let machine = machine(&std::array::from_fn(|i| table.cable(i)), &table.load());
     let (robot, load) = machine.map_err(|_| TableFault::Malformed)?;
+    let Start { is_positive, .. } = table.seed(0).ok_or(TableFault::Malformed)?;
+    let check = Check { table, robot, load, way_parts, is_positive };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let (low, extent) = (table.low(), table.extent());
-    let places: Vec<[f64; COORDINATES]> = (0..poses)
+    let places: Vec<Point> = (0..poses)
         .map(|_| {
             std::array::from_fn(|k| {
                 f64::from(low[k]) + random.random::<f64>() * f64::from(extent[k])
             })
         })
         .collect();
-    Ok(places
-        .par_iter()
-        .map(|at| check(table, &robot, &load, at))
-        .reduce(Verification::default, Verification::add))
+    let all = places.par_iter().map(|at| match precision {
+        Precision::F32 => check.at::<f32>(at),
+        Precision::F64 => check.at::<f64>(at),
+    });
+    Ok(all.reduce(Verification::default, Verification::add))
 }
 
-fn check(
-    table: &Table<'_>,
-    robot: &Robot<f64, Model>,
-    load: &Load<f64>,
-    at: &[f64; COORDINATES],
-) -> Verification {
-    let mut outcome = Verification { poses: 1, ..Verification::default() };
-    let Ok(exact) = pose(at) else { return outcome };
-    let found = single(robot, load, &exact)
-        .and_then(|(robot, load, pose)| table.states(&robot, &load, &pose));
-    let found = match found {
-        Ok(found) => found,
-        Err(TableFault::OutsideRegion | TableFault::Uncovered(_)) => return outcome,
-        // A seed that leads nowhere.
-        Err(_) => return Verification { covered: 1, wrong: 1, ..outcome },
-    };
-    outcome.covered = 1;
-    let found = found.map(|state: CableState<f32>| CableState {
-        force_n: state.force_n.map(f64::from),
-        rest_length_m: f64::from(state.rest_length_m),
-    });
-    let sum_n: f64 = found.iter().map(|s| s.force_n.lp_norm(1)).sum();
-    let limits = found.map(|s| CableLimits {
-        max_length_m: ROOM * s.rest_length_m.max(f64::from(table.limits_m()[0])),
-        max_tension_n: TENSION_ROOM * sum_n,
-    });
-    let problem = Problem::new(*robot, load, &exact, limits);
-    let Some(answer) = problem.ok().and_then(|problem| complete(&problem).ok()) else {
-        outcome.undecided = 1;
-        return outcome;
-    };
-    // As close as the table says, and as f32 knows the pose.
-    let near = |states: &[CableState<f64>; CABLES]| {
-        (0..CABLES)
-            .all(|i| (states[i].force_n - found[i].force_n).lp_norm(1) <= 2.0 * TOLERANCE * sum_n)
-    };
-    let matching = answer.solutions.iter().filter(|proof| near(&proof.states())).count();
-    match (matching, answer.undecided.is_empty()) {
-        (1, _) => {
-            outcome.confirmed = 1;
-            outcome.with_others = usize::from(answer.solutions.len() > 1);
+type States<T> = [CableState<T>; CABLES];
+
+impl Check<'_> {
+    fn at<T: Real + Into<f64>>(&self, at: &Point) -> Verification {
+        let none = Verification { poses: 1, ..Verification::default() };
+        let Ok(exact) = pose(at) else { return none };
+        let rounded = rounded::<T>(&self.robot, &self.load);
+        let (Ok((robot, load)), Ok(pose)) = (rounded, pose(at)) else { return none };
+        match self.table.states(&robot, &load, &pose) {
+            Ok(states) => Verification { covered: self.led(&exact, &wide(states)), ..none },
+            Err(TableFault::OutsideRegion | TableFault::Uncovered(_)) if self.way_parts > 0 => {
+                let (still, parts) = (still(pose), self.way_parts);
+                let started =
+                    Tracker::start_from(robot, load, unlimited(), &still, self.table, parts);
+                if let Ok(tracker) = started {
+                    let states = wide(states_of(tracker.command()));
+                    return Verification { by_way: self.led(&exact, &states), ..none };
+                }
+                let is_there = self.has_solution(at, &exact) == Some(true);
+                Verification { unreached: usize::from(is_there), ..none }
+            }
+            Err(TableFault::OutsideRegion | TableFault::Uncovered(_)) => none,
+            // A seed that leads nowhere.
+            Err(_) => {
+                let covered = Led { poses: 1, wrong: 1, ..Led::default() };
+                Verification { covered, ..none }
+            }
         }
-        (_, true) => outcome.wrong = 1,
-        (_, false) => outcome.undecided = 1,
     }
-    outcome
+
+    /// Whether the search proves states that were found at a pose.
+    fn led(&self, exact: &Pose<f64>, found: &States<f64>) -> Led {
+        let mut led = Led { poses: 1, ..Led::default() };
+        let (sum_n, wanted_m) = (sum_n(found), self.table.limits_m());
+        let limits = found.map(|s| CableLimits {
+            max_length_m: ROOM * s.rest_length_m.max(f64::from(wanted_m[0])),
+            max_tension_n: TENSION_ROOM * sum_n,
+        });
+        let Some(answer) = self.search(exact, limits) else {
+            led.undecided = 1;
+            return led;
+        };
+        // As close as the table says, and as f32 knows the pose. Next to a fold there is one of the other sign as well.
+        let near = |states: &States<f64>| {
+            let off_n = |i: usize| (states[i].force_n - found[i].force_n).lp_norm(1);
+            (0..CABLES).all(|i| off_n(i) <= 2.0 * TOLERANCE * sum_n)
+        };
+        let is_led_to = |proof: &&Proof| near(&proof.states()) && self.is_of_sheet(exact, proof);
+        let matching = answer.solutions.iter().filter(is_led_to).count();
+        match (matching, answer.undecided.is_empty()) {
+            (1, _) => {
+                led.confirmed = 1;
+                led.with_others = usize::from(answer.solutions.len() > 1);
+                let mut lengths_m = found.iter().map(|state| state.rest_length_m).zip(wanted_m);
+                let is_within = lengths_m.all(|(length_m, most_m)| length_m <= f64::from(most_m));
+                led.within_lengths = usize::from(is_within);
+            }
+            (_, true) => led.wrong = 1,
+            (_, false) => led.undecided = 1,
+        }
+        led
+    }
+
+    /// Whether the search proves a solution of the sign of the sheet within its lengths; tensions are limited by those at
+    /// the nearest pose that is covered.
+    fn has_solution(&self, at: &Point, exact: &Pose<f64>) -> Option<bool> {
+        let near = pose(&self.table.nearest(at, self.robot.moment_arm_m())?).ok()?;
+        let states = self.table.states(&self.robot, &self.load, &near).ok()?;
+        let max_tension_n = TENSION_ROOM * sum_n(&states);
+        let limits = self
+            .table
+            .limits_m()
+            .map(|length_m| CableLimits { max_length_m: f64::from(length_m), max_tension_n });
+        let answer = self.search(exact, limits)?;
+        Some(answer.solutions.iter().any(|proof| self.is_of_sheet(exact, proof)))
+    }
+
+    /// Whether a solution has the sign of the sheet.
+    fn is_of_sheet(&self, exact: &Pose<f64>, proof: &Proof) -> bool {
+        let states = proof.states();
+        let charts = std::array::from_fn(|i| self.robot.cables()[i].model.chart(&states[i]));
+        let balance = Balance::at(&self.robot, &self.load, exact).ok();
+        let step = balance.and_then(|b| ChartStep::new(&self.robot, &b, &charts).ok());
+        step.is_some_and(|step| step.elimination().is_positive() == self.is_positive)
+    }
+
+    fn search(&self, exact: &Pose<f64>, limits: [CableLimits; CABLES]) -> Option<Complete> {
+        complete(&Problem::new(self.robot, &self.load, exact, limits).ok()?).ok()
+    }
 }
 
-/// Robot, load and pose as a controller in f32 has them.
-#[allow(clippy::cast_possible_truncation, clippy::type_complexity)] // that is the point
-fn single(
-    robot: &Robot<f64, Model>,
-    load: &Load<f64>,
-    exact: &Pose<f64>,
-) -> Result<(Robot<f32, IrvineCatenary<f32>>, Load<f32>, Pose<f32>), TableFault> {
-    let vector = |v: &Vector3<f64>| v.map(|c| c as f32);
-    let (robot, load) = rounded(robot, load).map_err(|_| TableFault::Malformed)?;
-    let turn = exact.turn_vector().ok_or(TableFault::OutsideRegion)?;
-    let w = (0.5 * (1.0 + (1.0 - turn.norm_squared()).sqrt())).sqrt();
-    let v = vector(&(turn / (2.0 * w)));
-    let orientation =
-        nalgebra::UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(w as f32, v.x, v.y, v.z));
-    let pose = Pose::new(vector(exact.position_m()), orientation)
-        .map_err(|_| TableFault::OutsideRegion)?;
-    Ok((robot, load, pose))
+/// The sum of all forces on the cables, N.
+fn sum_n(states: &States<f64>) -> f64 {
+    states.iter().map(|state| state.force_n.lp_norm(1)).sum()
+}
+
+fn wide<T: Real + Into<f64>>(states: States<T>) -> States<f64> {
+    states.map(|state| CableState {
+        force_n: state.force_n.map(Into::into),
+        rest_length_m: state.rest_length_m.into(),
+    })
+}
+
+fn states_of<T: Real>(command: &Command<T>) -> States<T> {
+    command
+        .cables
+        .map(|cable| CableState { force_n: cable.force_n, rest_length_m: cable.rest_length_m })
+}
+
+fn still<T: Real>(pose: Pose<T>) -> SetPoint<T> {
+    let none = Vector3::from_element(T::zero());
+    SetPoint { pose, twist: Twist { linear_m_s: none, angular_rad_s: none } }
+}
+
+/// Settings of a tracker that refuses only what it cannot prove.
+fn unlimited<T: Real>() -> TrackerSettings<T> {
+    let cable = WinchLimits {
+        shortest_m: T::zero(),
+        longest_m: T::HUGE,
+        fastest_m_s: T::HUGE,
+        lowest_tension_n: T::zero(),
+        highest_tension_n: T::HUGE,
+    };
+    TrackerSettings {
+        period_s: T::one(),
+        largest_move_m: T::HUGE,
+        least_distance: T::zero(),
+        fold_horizon_s: T::zero(),
+        largest_error_n: T::HUGE,
+        cables: [cable; CABLES],
+    }
 }

@@ -464,7 +464,7 @@ fn a_table_is_for_its_robot_and_no_other() {
     // And a start asks.
     let (pose, _, _) = poses(&START);
     let start = |robot, load| {
-        Tracker::start_from(robot, load, unlimited(), &still(pose), &table).map(|_| ())
+        Tracker::start_from(robot, load, unlimited(), &still(pose), &table, 0).map(|_| ())
     };
     assert_eq!(start(robot, load), Ok(()));
     assert_eq!(start(both, load), Err(Fault::Table(TableFault::OtherCable(2))));

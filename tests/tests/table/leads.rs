@@ -60,7 +60,10 @@ fn a_step_balances_five_tangents_and_one_curve() {
 }
 
 /// The solution at a place that small steps from the start of the table lead to. `None` where it ends.
-fn followed(start: &[CableState<f64>; CABLES], to: &Place) -> Option<[CableState<f64>; CABLES]> {
+pub(crate) fn followed(
+    start: &[CableState<f64>; CABLES],
+    to: &Place,
+) -> Option<[CableState<f64>; CABLES]> {
     const LONGEST_STEP_M: f64 = 0.02;
     let (robot, load) = exact_crane();
     let way: Place = std::array::from_fn(|k| to[k] - START[k]);
@@ -127,7 +130,7 @@ fn examine(leaves: &[Leaf], start: &[CableState<f64>; CABLES], at: &Place) -> Co
     let found = table.start_at(&pose);
     assert!(allowed.contains(&found), "{at:?}: {found:?}, not one of {allowed:?}");
     let states = table.states(&robot, &load, &pose);
-    let started = Tracker::start_from(robot, load, unlimited(), &still(pose), &table);
+    let started = Tracker::start_from(robot, load, unlimited(), &still(pose), &table, 0);
     if let Err(fault) = found {
         assert_eq!(states, Err(fault));
         assert_eq!(started.map(|_| ()), Err(Fault::Table(fault)));
@@ -152,7 +155,7 @@ fn examine(leaves: &[Leaf], start: &[CableState<f64>; CABLES], at: &Place) -> Co
             count.uncertified = 1;
             // That is for what f32 rounds off, of which in f64 there is none. (At its border another cell may be met.)
             let (robot, load) = exact_crane();
-            let started = Tracker::start_from(robot, load, unlimited(), &still(exact), &table);
+            let started = Tracker::start_from(robot, load, unlimited(), &still(exact), &table, 0);
             let is_refused = matches!(started, Err(Fault::NotCertified { .. }));
             assert!(!is_refused, "{at:?}: {:?}", started.map(|_| ()));
         }
@@ -170,7 +173,7 @@ fn examine(leaves: &[Leaf], start: &[CableState<f64>; CABLES], at: &Place) -> Co
 }
 
 /// The one solution at the start within the limits of the table.
-fn start_states() -> [CableState<f64>; CABLES] {
+pub(crate) fn start_states() -> [CableState<f64>; CABLES] {
     let all = proven(&poses(&START).1).expect("decided");
     let short: Vec<_> = all
         .iter()

@@ -23,6 +23,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 mod damage;
 mod leads;
+mod ways;
 
 type Model<T> = IrvineCatenary<T>;
 type Place = [f64; COORDINATES];
