@@ -284,16 +284,19 @@ fn every_mistake_about_tables_is_named() {
         (folder.write("flipped", &damaged(400)), "flipped: corrupt: its checksum is wrong"),
     ];
     for (file, message) in &files {
-        for command in ["inspect", "verify", "emit-rust"] {
+        for command in ["inspect", "verify", "emit-rust", "emit-c"] {
             assert_refused(&["table", command, file], &[message]);
         }
     }
     for name in ["", "1A", "A-B", "A B", "ä"] {
         let option = format!("--name={name}");
-        assert_refused(&["table", "emit-rust", &good, &option], &["--name", "not a name in Rust"]);
+        assert_refused(
+            &["table", "emit-rust", &good, &option],
+            &["--name", "not a name in Rust and C"],
+        );
     }
     assert_refused(&["table", "verify", &good, "--poses=-1"], &["--poses"]);
-    assert_refused(&["table"], &["build", "merge", "inspect", "verify", "emit-rust"]);
+    assert_refused(&["table"], &["build", "merge", "inspect", "verify", "emit-rust", "emit-c"]);
     // No table, no journal, no draft.
     assert!(folder.names().iter().all(|name| !name.starts_with("table") && !name.starts_with('.')));
 }
@@ -316,42 +319,61 @@ fn verification_confirms_a_good_table_and_no_other() {
     let verify = |file: &str| {
         ["table", "verify", file, "--poses", "20000", "--format", "json"].map(str::to_owned)
     };
-    let numbers = |assert: &Assert| -> [u64; 5] {
+    let numbers = |assert: &Assert, led: &str| -> [u64; 4] {
         let answer: Value = serde_json::from_str(&stdout(assert)).expect("JSON");
-        ["poses", "covered", "confirmed", "wrong", "undecided"]
-            .map(|field| answer[field].as_u64().expect(field))
+        assert_eq!(answer["poses"], 20_000);
+        ["poses", "confirmed", "wrong", "undecided"]
+            .map(|field| answer[led][field].as_u64().expect(field))
     };
-    let [poses, covered, confirmed, wrong, undecided] = numbers(&cdpr(&verify(&good)).success());
-    assert_eq!((poses, wrong, undecided), (20_000, 0, 0));
+    let [covered, confirmed, wrong, undecided] =
+        numbers(&cdpr(&verify(&good)).success(), "covered");
+    assert_eq!((wrong, undecided), (0, 0));
     assert!(covered >= 50 && confirmed == covered, "{confirmed} of {covered}");
     let text = stdout(&cdpr(&["table", "verify", &good, "--poses", "20"]).success());
     assert!(text.contains("20 random poses") && text.contains("0 do not"), "{text}");
+    // And where it covers nothing, by way: none from metres away.
+    for precision in ["f32", "f64"] {
+        let options = ["--way-parts", "60", "--precision", precision].map(str::to_owned);
+        let assert = cdpr(&[&verify(&good)[..], &options].concat()).success();
+        assert_eq!(numbers(&assert, "covered"), [covered, covered, 0, 0]);
+        let [reached, confirmed, wrong, undecided] = numbers(&assert, "by_way");
+        assert_eq!((wrong, undecided), (0, 0));
+        assert!(reached >= 20 && confirmed == reached, "{confirmed} of {reached}");
+    }
+    let by_way = ["table", "verify", &good, "--poses", "20", "--way-parts", "60"];
+    let text = stdout(&cdpr(&by_way).success());
+    assert!(text.contains("others reached") && text.contains("others not reached"), "{text}");
     // Without a step nothing arrives that is not a seed already.
     let hasty = folder.write("hasty", &with_steps(0));
     let assert = cdpr(&verify(&hasty)).code(1);
-    let [.., wrong, _] = numbers(&assert);
+    let [.., wrong, _] = numbers(&assert, "covered");
     assert!(wrong > 0);
     let message = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
     assert!(message.contains(&format!("the table is wrong at {wrong} poses")), "{message}");
 }
 
 #[test]
-fn the_constant_for_rust_has_the_very_bytes() {
+fn constants_for_rust_and_c_have_the_very_bytes() {
     let folder = Folder::new();
     let file = folder.write("good", &BUILD.table);
+    let count = BUILD.table.len();
     for (options, name) in [(&[][..], "TABLE"), (&["--name", "_HOME_2"][..], "_HOME_2")] {
-        let text = stdout(&cdpr(&[&["table", "emit-rust", &file][..], options].concat()).success());
-        let head = format!("pub const {name}: [u8; {}] = [\n", BUILD.table.len());
-        let (before, rest) = text.split_once(&head).expect("a constant");
-        assert!(before.lines().all(|line| line.starts_with("///")), "{before}");
-        let numbers = rest.strip_suffix("];\n").expect("its end");
-        let bytes: Vec<u8> = numbers
-            .split(',')
-            .map(str::trim)
-            .filter(|number| !number.is_empty())
-            .map(|number| number.parse().expect("a byte"))
-            .collect();
-        assert!(bytes == BUILD.table);
+        for (command, head, end) in [
+            ("emit-rust", format!("pub const {name}: [u8; {count}] = [\n"), "];\n"),
+            ("emit-c", format!("const unsigned char {name}[{count}] = {{\n"), "};\n"),
+        ] {
+            let text = stdout(&cdpr(&[&["table", command, &file][..], options].concat()).success());
+            let (before, rest) = text.split_once(&head).expect("a constant");
+            assert!(before.lines().all(|line| line.starts_with("//")), "{before}");
+            let numbers = rest.strip_suffix(end).expect("its end");
+            let bytes: Vec<u8> = numbers
+                .split(',')
+                .map(str::trim)
+                .filter(|number| !number.is_empty())
+                .map(|number| number.parse().expect("a byte"))
+                .collect();
+            assert!(bytes == BUILD.table);
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::messages::{Decision, Inputs, Mode, Motor, Note, Request, Start};
 
 /// Parts of the way to a pose that a warm-start table does not cover, from the nearest one that it covers: enough for all but
 /// the vicinity of folds.
-pub const WAY_PARTS: u16 = 64;
+pub const WAY_PARTS: u16 = 256;
 /// Events that may happen in a period.
 const EVENTS: usize = 8;
 

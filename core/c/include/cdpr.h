@@ -9,6 +9,7 @@
 #define CDPR_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 // Version of this header: major << 16 | minor << 8 | patch.
@@ -84,6 +85,12 @@ enum cdpr_code
     CDPR_CODE_TENSION_BELOW = 37,
     // `cable` is longer or shorter than its winch can hold. `value`: rest length wanted, m.
     CDPR_CODE_LENGTH_BEYOND_WINCH = 38,
+    // The bytes are no warm-start table of the version that this library reads, or they have been damaged.
+    CDPR_CODE_BAD_TABLE = 40,
+    // The table was made for a robot with another `cable`, or (-1) for another load or cable model.
+    CDPR_CODE_OTHER_ROBOT = 41,
+    // The pose is in no cell of the table, and no way leads there from one.
+    CDPR_CODE_NOT_IN_TABLE = 42,
     // Something this interface has no name for; the remedy holds all the same.
     CDPR_CODE_OTHER = 99,
 };
@@ -111,6 +118,8 @@ enum cdpr_remedy
     CDPR_REMEDY_GO_SLOWER = 3,
     // This pose is not to be had on this branch: go back the way.
     CDPR_REMEDY_GO_BACK = 4,
+    // The warm-start table cannot be used: write the right one.
+    CDPR_REMEDY_REPLACE_TABLE = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -474,6 +483,23 @@ cdpr_f32_status cdpr_f32_start_from_lengths(cdpr_f32_tracker *tracker,
                                             const float *lengths_m,
                                             float tolerance_m);
 
+// Starts a tracker from a warm-start table (`cdpr table build`) of so many bytes: on the sheet of the table, at the
+// solution that it leads to at the pose. The table is only read, may lie in flash at any address, and is checked first.
+//
+// Where it does not cover the pose and `way_parts` is not 0: at the nearest pose that it covers, and from there in at most
+// so many parts, each proven and as expensive as a tick, straight to the pose. Otherwise as `cdpr_f32_start`.
+//
+// # Safety
+// A pointer that is neither null nor misaligned must point to what its type says. `table`: `table_bytes` bytes.
+cdpr_f32_status cdpr_f32_start_from_table(cdpr_f32_tracker *tracker,
+                                          const cdpr_f32_robot *robot,
+                                          const cdpr_f32_load *load,
+                                          const cdpr_f32_settings *settings,
+                                          const cdpr_f32_set_point *set_point,
+                                          const uint8_t *table,
+                                          size_t table_bytes,
+                                          uint16_t way_parts);
+
 // The next command. After a failure `command` is untouched and the last command stands; see the remedy.
 //
 // # Safety
@@ -510,6 +536,19 @@ cdpr_f64_status cdpr_f64_start_from_lengths(cdpr_f64_tracker *tracker,
                                             const cdpr_f64_set_point *set_point,
                                             const double *lengths_m,
                                             double tolerance_m);
+
+// As `cdpr_f32_start_from_table`, in `double`.
+//
+// # Safety
+// A pointer that is neither null nor misaligned must point to what its type says. `table`: `table_bytes` bytes.
+cdpr_f64_status cdpr_f64_start_from_table(cdpr_f64_tracker *tracker,
+                                          const cdpr_f64_robot *robot,
+                                          const cdpr_f64_load *load,
+                                          const cdpr_f64_settings *settings,
+                                          const cdpr_f64_set_point *set_point,
+                                          const uint8_t *table,
+                                          size_t table_bytes,
+                                          uint16_t way_parts);
 
 // As `cdpr_f32_tick`, in `double`.
 //

@@ -13,13 +13,16 @@ extern crate std;
 
 mod start;
 pub mod status;
+#[cfg(test)]
+mod tests;
 pub mod types;
 
 use core::ffi::c_char;
 use core::mem::{align_of, size_of};
+use core::slice;
 
 use cdpr_core::statics::Balance;
-use cdpr_core::{IrvineCatenary, Real};
+use cdpr_core::{Fault, IrvineCatenary, Real, Table};
 
 use crate::status::{Code, Status};
 use crate::types::{CDPR_CABLES, CableState, Command, Load, Robot, SetPoint, Settings};
@@ -140,6 +143,31 @@ pub unsafe extern "C" fn cdpr_f32_start_from_lengths(
     unsafe { start.with_lengths(tracker.cast(), lengths_m.cast(), tolerance_m) }
 }
 
+/// Starts a tracker from a warm-start table (`cdpr table build`) of so many bytes: on the sheet of the table, at the
+/// solution that it leads to at the pose. The table is only read, may lie in flash at any address, and is checked first.
+///
+/// Where it does not cover the pose and `way_parts` is not 0: at the nearest pose that it covers, and from there in at most
+/// so many parts, each proven and as expensive as a tick, straight to the pose. Otherwise as `cdpr_f32_start`.
+///
+/// # Safety
+/// A pointer that is neither null nor misaligned must point to what its type says. `table`: `table_bytes` bytes.
+#[unsafe(no_mangle)]
+#[allow(clippy::too_many_arguments)] // what C knows of a slice are two
+pub unsafe extern "C" fn cdpr_f32_start_from_table(
+    tracker: *mut TrackerF32,
+    robot: *const Robot<f32>,
+    load: *const Load<f32>,
+    settings: *const Settings<f32>,
+    set_point: *const SetPoint<f32>,
+    table: *const u8,
+    table_bytes: usize,
+    way_parts: u16,
+) -> Status<f32> {
+    let start = Start { robot, load, settings, set_point };
+    // SAFETY: as promised by the caller; the memory of a tracker has room for its slot.
+    unsafe { start.with_table(tracker.cast(), table, table_bytes, way_parts) }
+}
+
 /// The next command. After a failure `command` is untouched and the last command stands; see the remedy.
 ///
 /// # Safety
@@ -204,6 +232,27 @@ pub unsafe extern "C" fn cdpr_f64_start_from_lengths(
     unsafe { start.with_lengths(tracker.cast(), lengths_m.cast(), tolerance_m) }
 }
 
+/// As `cdpr_f32_start_from_table`, in `double`.
+///
+/// # Safety
+/// A pointer that is neither null nor misaligned must point to what its type says. `table`: `table_bytes` bytes.
+#[unsafe(no_mangle)]
+#[allow(clippy::too_many_arguments)] // what C knows of a slice are two
+pub unsafe extern "C" fn cdpr_f64_start_from_table(
+    tracker: *mut TrackerF64,
+    robot: *const Robot<f64>,
+    load: *const Load<f64>,
+    settings: *const Settings<f64>,
+    set_point: *const SetPoint<f64>,
+    table: *const u8,
+    table_bytes: usize,
+    way_parts: u16,
+) -> Status<f64> {
+    let start = Start { robot, load, settings, set_point };
+    // SAFETY: as promised by the caller; the memory of a tracker has room for its slot.
+    unsafe { start.with_table(tracker.cast(), table, table_bytes, way_parts) }
+}
+
 /// As `cdpr_f32_tick`, in `double`.
 ///
 /// # Safety
@@ -233,7 +282,7 @@ pub unsafe extern "C" fn cdpr_f64_last_command(
 
 type Tracker<T> = cdpr_core::Tracker<T, IrvineCatenary<T>>;
 
-/// What both ways to start are given.
+/// What all ways to start are given.
 struct Start<T> {
     robot: *const Robot<T>,
     load: *const Load<T>,
@@ -268,6 +317,29 @@ impl<T: Real> Start<T> {
             let lengths_m = read(lengths_m)?;
             let states = start::from_lengths(&question.robot, &balance, &lengths_m, tolerance_m)?;
             question.start(&states)
+        };
+        // SAFETY: as promised by the caller.
+        unsafe { fill(slot, begin) }
+    }
+
+    /// # Safety
+    /// As `cdpr_f32_start_from_table`.
+    unsafe fn with_table(
+        self,
+        slot: *mut Slot<T>,
+        table: *const u8,
+        table_bytes: usize,
+        way_parts: u16,
+    ) -> Status<T> {
+        // SAFETY: as promised by the caller.
+        let begin = || unsafe {
+            let Question { robot, load, settings, set_point } = self.read()?;
+            if !is_sound(table) {
+                return Err(Status::refusal(Code::BadPointer));
+            }
+            let table =
+                Table::open(slice::from_raw_parts(table, table_bytes)).map_err(Fault::Table)?;
+            Ok(Tracker::start_from(robot, load, settings, &set_point, &table, way_parts)?)
         };
         // SAFETY: as promised by the caller.
         unsafe { fill(slot, begin) }
@@ -392,217 +464,4 @@ unsafe fn read<S: Copy, T: Real>(pointer: *const S) -> Result<S, Status<T>> {
 
 fn is_sound<S>(pointer: *const S) -> bool {
     !pointer.is_null() && pointer.is_aligned()
-}
-
-#[cfg(test)]
-mod tests {
-    use core::mem::zeroed;
-    use core::ptr::{null, null_mut};
-
-    use super::*;
-    use crate::status::Remedy;
-    use crate::types::{Cable, CableCommand, CableLimits};
-
-    fn robot() -> Robot<f64> {
-        let cables = [
-            ([-3.259, -0.475, 8.826], [-0.10, -0.93, -0.03]),
-            ([9.421, -3.482, 11.555], [0.10, -0.93, -0.03]),
-            ([9.538, 3.797, 11.533], [0.27, 0.50, -0.07]),
-            ([5.570, 20.414, 8.704], [0.27, 0.50, -0.07]),
-            ([-2.505, 16.810, 8.649], [-0.27, 0.50, -0.07]),
-            ([-3.342, 9.421, 8.788], [-0.27, 0.50, -0.07]),
-        ];
-        Robot {
-            cables: cables.map(|(anchor_m, attachment_m)| Cable {
-                anchor_m,
-                attachment_m,
-                weight_n_m: 0.079 * 9.81,
-                compliance_per_n: 1.0 / 1.256_637_1e6,
-            }),
-        }
-    }
-
-    static LOAD: Load<f64> = Load {
-        mass_kg: 69.0,
-        center_of_mass_m: [0.0; 3],
-        gravity_m_s2: 9.81,
-        force_n: [0.0; 3],
-        moment_nm: [0.0; 3],
-    };
-
-    static SETTINGS: Settings<f64> = Settings {
-        period_s: 0.001,
-        largest_move_m: 0.01,
-        least_distance: 1e-4,
-        fold_horizon_s: 0.1,
-        largest_error_n: 1.0,
-        cables: [CableLimits {
-            shortest_m: 1.0,
-            longest_m: 50.0,
-            fastest_m_s: 2.0,
-            lowest_tension_n: 5.0,
-            highest_tension_n: 2000.0,
-        }; CDPR_CABLES],
-    };
-
-    static SET_POINT: SetPoint<f64> = SetPoint {
-        position_m: [2.0, 7.0, 2.5],
-        orientation: [1.0, 0.0, 0.0, 0.0],
-        velocity_m_s: [0.0; 3],
-        angular_velocity_rad_s: [0.0; 3],
-    };
-
-    /// The solution there: see the firmware's robot.
-    const LENGTHS_M: [f64; CDPR_CABLES] =
-        [10.479_832, 15.077_343, 12.221_567, 14.731_523, 11.970_178, 8.355_886];
-
-    fn start(
-        robot: &Robot<f64>,
-        lengths_m: &[f64; 6],
-        tolerance_m: f64,
-    ) -> (TrackerF64, Status<f64>) {
-        let mut tracker = TrackerF64 { words: [0; CDPR_F64_TRACKER_WORDS] };
-        // SAFETY: all pointers are of references.
-        let status = unsafe {
-            cdpr_f64_start_from_lengths(
-                &raw mut tracker,
-                robot,
-                &raw const LOAD,
-                &raw const SETTINGS,
-                &raw const SET_POINT,
-                lengths_m.as_ptr(),
-                tolerance_m,
-            )
-        };
-        (tracker, status)
-    }
-
-    #[test]
-    fn lengths_within_the_tolerance_lead_to_the_solution() {
-        let sign = |cables: u32, i: usize| if cables >> i & 1 == 0 { 1.0 } else { -1.0 };
-        for error_m in [0.0, 0.001, 0.02, 0.1, 0.3] {
-            for cables in 0..64 {
-                let lengths_m = core::array::from_fn(|i| LENGTHS_M[i] + error_m * sign(cables, i));
-                let (tracker, status) = start(&robot(), &lengths_m, error_m + 1e-5);
-                assert_eq!(status, Status::ok(), "{error_m} {cables}");
-                // SAFETY: every bit pattern of it is a command, this one included.
-                let mut command: Command<f64> = unsafe { zeroed() };
-                // SAFETY: both pointers are of references.
-                let status = unsafe { cdpr_f64_last_command(&raw const tracker, &raw mut command) };
-                assert_eq!(status, Status::ok());
-                for (cable, expected_m) in command.cables.iter().zip(LENGTHS_M) {
-                    // They are written in f32.
-                    let bound_m = f64::from(f32::EPSILON) * expected_m;
-                    assert!((cable.rest_length_m - expected_m).abs() <= bound_m);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn lengths_of_no_equilibrium_are_refused() {
-        let mut lengths_m = LENGTHS_M;
-        lengths_m[3] += 0.1;
-        let (mut tracker, status) = start(&robot(), &lengths_m, 0.05);
-        assert_eq!(status.code, Code::NoSolutionNearLengths);
-        assert_eq!(status.remedy, Remedy::MendCall);
-        assert_eq!(status.cable, 3);
-        assert!((status.value - 0.1).abs() < 1e-5, "{}", status.value);
-        // SAFETY: every bit pattern of it is a command, this one included.
-        let mut command: Command<f64> = unsafe { zeroed() };
-        // SAFETY: all pointers are of references.
-        let status =
-            unsafe { cdpr_f64_tick(&raw mut tracker, &raw const SET_POINT, &raw mut command) };
-        assert_eq!(status, Status::refusal(Code::NotStarted));
-
-        lengths_m[3] = f64::NAN;
-        let (_, status) = start(&robot(), &lengths_m, 0.05);
-        assert_eq!((status.code, status.cable), (Code::InvalidMeasurement, 3));
-        let (_, status) = start(&robot(), &LENGTHS_M, 0.0);
-        assert_eq!((status.code, status.cable), (Code::InvalidMeasurement, -1));
-    }
-
-    #[test]
-    fn unsound_robots_are_refused() {
-        let mut unsound = robot();
-        unsound.cables[2].weight_n_m = -1.0;
-        assert_eq!(
-            start(&unsound, &LENGTHS_M, 0.1).1,
-            Status::refusal(Code::InvalidCable).of_cable(2)
-        );
-        let mut unsound = robot();
-        unsound.cables[5].anchor_m = unsound.cables[1].anchor_m;
-        let status = start(&unsound, &LENGTHS_M, 0.1).1;
-        assert_eq!(
-            (status.code, status.cable, status.other_cable),
-            (Code::CoincidentAnchors, 1, 5)
-        );
-    }
-
-    #[test]
-    fn bad_pointers_are_refused() {
-        let bad = Status::refusal(Code::BadPointer);
-        let (mut tracker, status) = start(&robot(), &LENGTHS_M, 0.01);
-        assert_eq!(status, Status::ok());
-        // SAFETY: every bit pattern of it is a command, this one included.
-        let mut command: Command<f64> = unsafe { zeroed() };
-        // SAFETY: both pointers are of references.
-        let _ = unsafe { cdpr_f64_last_command(&raw const tracker, &raw mut command) };
-        let states = command.cables.map(|CableCommand { force_n, rest_length_m, .. }| CableState {
-            force_n,
-            rest_length_m,
-        });
-        let crane = robot();
-        let misaligned = (&raw mut tracker).wrapping_byte_add(1);
-        let (tracker, command) = (&raw mut tracker, &raw mut command);
-        // SAFETY: all pointers are of references, null or misaligned.
-        unsafe {
-            assert_eq!(cdpr_f64_tick(null_mut(), &raw const SET_POINT, command), bad);
-            assert_eq!(cdpr_f64_tick(misaligned, &raw const SET_POINT, command), bad);
-            assert_eq!(cdpr_f64_tick(tracker, null(), command), bad);
-            assert_eq!(cdpr_f64_tick(tracker, &raw const SET_POINT, null_mut()), bad);
-            assert_eq!(cdpr_f64_last_command(tracker, null_mut()), bad);
-            assert_eq!(cdpr_f64_last_command(null(), command), bad);
-            // None of which has harmed it.
-            assert_eq!(cdpr_f64_tick(tracker, &raw const SET_POINT, command), Status::ok());
-
-            let set_point = &raw const SET_POINT;
-            let (robot, load, settings) = (&raw const crane, &raw const LOAD, &raw const SETTINGS);
-            let states = states.as_ptr();
-            assert_eq!(cdpr_f64_start(null_mut(), robot, load, settings, set_point, states), bad);
-            assert_eq!(cdpr_f64_start(tracker, null(), load, settings, set_point, states), bad);
-            assert_eq!(cdpr_f64_start(tracker, robot, null(), settings, set_point, states), bad);
-            assert_eq!(cdpr_f64_start(tracker, robot, load, null(), set_point, states), bad);
-            assert_eq!(cdpr_f64_start(tracker, robot, load, settings, null(), states), bad);
-            assert_eq!(cdpr_f64_start(tracker, robot, load, settings, set_point, null()), bad);
-            assert_eq!(
-                cdpr_f64_start(tracker, robot, load, settings, set_point, states),
-                Status::ok()
-            );
-        }
-    }
-
-    #[test]
-    fn every_code_has_its_own_text_and_nothing_else_has_one() {
-        // SAFETY: the texts are of static C strings.
-        let text = |code| unsafe { core::ffi::CStr::from_ptr(cdpr_text(code)) };
-        for code in -10..=110 {
-            let known = Code::ALL.iter().any(|known| *known as i32 == code);
-            assert_eq!(text(code) != c"not a code", known, "{code}");
-        }
-        for (i, code) in Code::ALL.iter().enumerate() {
-            for other in &Code::ALL[..i] {
-                assert_ne!(text(*code as i32), text(*other as i32));
-            }
-        }
-    }
-
-    #[test]
-    fn version_is_that_of_the_package() {
-        let part = |text: &str| text.parse::<u32>().unwrap();
-        let version = part(env!("CARGO_PKG_VERSION_MAJOR")) << 16
-            | part(env!("CARGO_PKG_VERSION_MINOR")) << 8
-            | part(env!("CARGO_PKG_VERSION_PATCH"));
-        assert_eq!(cdpr_version(), version);
-    }
 }

@@ -2,7 +2,7 @@
 
 use core::ffi::CStr;
 
-use cdpr_core::{Fault, GeometryFault, Real, StepFault};
+use cdpr_core::{Fault, GeometryFault, Real, StepFault, TableFault};
 
 // i32: an enum of C is as short as it can be on ARM, or not, as the flags of the compiler say.
 /// Why a call did not do what it was asked.
@@ -69,13 +69,20 @@ pub enum Code {
     /// `cable` is longer or shorter than its winch can hold. `value`: rest length wanted, m.
     LengthBeyondWinch = 38,
 
+    /// The bytes are no warm-start table of the version that this library reads, or they have been damaged.
+    BadTable = 40,
+    /// The table was made for a robot with another `cable`, or (-1) for another load or cable model.
+    OtherRobot = 41,
+    /// The pose is in no cell of the table, and no way leads there from one.
+    NotInTable = 42,
+
     /// Something this interface has no name for; the remedy holds all the same.
     Other = 99,
 }
 
 impl Code {
     /// All of them.
-    pub(crate) const ALL: [Self; 26] = [
+    pub(crate) const ALL: [Self; 29] = [
         Self::Ok,
         Self::BadPointer,
         Self::NotStarted,
@@ -101,6 +108,9 @@ impl Code {
         Self::TensionAbove,
         Self::TensionBelow,
         Self::LengthBeyondWinch,
+        Self::BadTable,
+        Self::OtherRobot,
+        Self::NotInTable,
         Self::Other,
     ];
 
@@ -132,6 +142,9 @@ impl Code {
             Self::TensionAbove => c"a tension is too high",
             Self::TensionBelow => c"a tension is too low",
             Self::LengthBeyondWinch => c"a length is beyond the winch",
+            Self::BadTable => c"not a warm-start table, or a damaged one",
+            Self::OtherRobot => c"the warm-start table is for another robot or load",
+            Self::NotInTable => c"the warm-start table does not cover the pose",
             Self::Other => c"another fault",
         }
     }
@@ -151,6 +164,8 @@ pub enum Remedy {
     GoSlower = 3,
     /// This pose is not to be had on this branch: go back the way.
     GoBack = 4,
+    /// The warm-start table cannot be used: write the right one.
+    ReplaceTable = 5,
 }
 
 /// The outcome of a call.
@@ -220,8 +235,7 @@ impl<T: Real> From<Fault<T>> for Status<T> {
             cdpr_core::Remedy::MendSetPoint => Remedy::MendSetPoint,
             cdpr_core::Remedy::GoSlower => Remedy::GoSlower,
             cdpr_core::Remedy::GoBack => Remedy::GoBack,
-            // No function here reads a table; it would be one that the call was given.
-            cdpr_core::Remedy::ReplaceTable => Remedy::MendCall,
+            cdpr_core::Remedy::ReplaceTable => Remedy::ReplaceTable,
         };
         let bare = |code| Self::bare(code, remedy);
         match fault {
@@ -255,6 +269,12 @@ impl<T: Real> From<Fault<T>> for Status<T> {
             Fault::ResidualNotMet { closure_m, imbalance_n } => {
                 Self { other_value: imbalance_n, ..bare(Code::ResidualNotMet).of_value(closure_m) }
             }
+            Fault::Table(fault) => match fault {
+                TableFault::OtherCable(cable) => bare(Code::OtherRobot).of_cable(cable),
+                TableFault::OtherLoad | TableFault::OtherModel(_) => bare(Code::OtherRobot),
+                TableFault::OutsideRegion | TableFault::Uncovered(_) => bare(Code::NotInTable),
+                _ => bare(Code::BadTable),
+            },
             Fault::NotCertified { contraction } => bare(Code::NotCertified).of_value(contraction),
             _ => bare(Code::Other),
         }

@@ -1,4 +1,4 @@
-//! `cdpr table`: build, merge, inspect, verify, emit-rust.
+//! `cdpr table`: build, merge, inspect, verify, emit-rust, emit-c.
 
 use std::io::Write;
 use std::num::NonZeroU16;
@@ -36,8 +36,10 @@ pub(super) enum TableCommand {
     Inspect(Inspect),
     /// Check a table against the complete search at random poses
     Verify(Verify),
-    /// Write a table as a Rust constant
-    EmitRust(EmitRust),
+    /// Write a table as a constant in Rust
+    EmitRust(Emit),
+    /// Write a table as a constant in C
+    EmitC(Emit),
 }
 
 #[derive(Debug, Args)]
@@ -138,7 +140,7 @@ pub(super) struct Verify {
 }
 
 #[derive(Debug, Args)]
-pub(super) struct EmitRust {
+pub(super) struct Emit {
     /// The table
     #[arg(value_name = "FILE")]
     table: PathBuf,
@@ -161,7 +163,8 @@ impl TableCommand {
             }
             Self::Inspect(options) => options.run(out),
             Self::Verify(options) => options.run(out),
-            Self::EmitRust(options) => options.run(out),
+            Self::EmitRust(options) => options.run(Language::Rust, out),
+            Self::EmitC(options) => options.run(Language::C, out),
         }
     }
 }
@@ -408,9 +411,13 @@ impl Verify {
         if self.format == Format::Json {
             write_pretty(out, &found)?;
         } else {
-            let Verification { poses, covered, by_way, unreached } = found;
+            let Verification { poses, covered, uncertified, by_way, unreached } = found;
             writeln!(out, "{poses} random poses, {} covered", covered.poses)?;
             write_led(out, &covered)?;
+            writeln!(
+                out,
+                "  at {uncertified} of these poses the tracker's certificate is refused"
+            )?;
             if self.way_parts > 0 {
                 writeln!(
                     out,
@@ -441,17 +448,36 @@ fn write_led(out: &mut impl Write, led: &Led) -> std::io::Result<()> {
     writeln!(out, "  {with_others} of these poses have other solutions as well")
 }
 
-impl EmitRust {
-    fn run(&self, out: &mut impl Write) -> Result<(), CliError> {
+/// How a constant array of bytes is written.
+#[derive(Clone, Copy)]
+enum Language {
+    Rust,
+    C,
+}
+
+impl Emit {
+    fn run(&self, language: Language, out: &mut impl Write) -> Result<(), CliError> {
         let bytes = read(&self.table)?;
         let table = open(&self.table, &bytes)?;
-        writeln!(out, "/// A warm-start table: {} seeds, {} steps.", table.seeds(), table.steps())?;
-        writeln!(out, "pub const {}: [u8; {}] = [", self.name, bytes.len())?;
+        let (name, count) = (&self.name, bytes.len());
+        let (seeds, steps) = (table.seeds(), table.steps());
+        let end = match language {
+            Language::Rust => {
+                writeln!(out, "/// A warm-start table: {seeds} seeds, {steps} steps.")?;
+                writeln!(out, "pub const {name}: [u8; {count}] = [")?;
+                "];"
+            }
+            Language::C => {
+                writeln!(out, "// A warm-start table: {seeds} seeds, {steps} steps.")?;
+                writeln!(out, "const unsigned char {name}[{count}] = {{")?;
+                "};"
+            }
+        };
         for line in bytes.chunks(20) {
             let numbers: Vec<String> = line.iter().map(u8::to_string).collect();
             writeln!(out, "    {},", numbers.join(", "))?;
         }
-        writeln!(out, "];")?;
+        writeln!(out, "{end}")?;
         Ok(out.flush()?)
     }
 }
@@ -462,6 +488,6 @@ fn constant_name(text: &str) -> Result<String, String> {
     if starts && characters.all(|c| c.is_ascii_alphanumeric() || c == '_') {
         Ok(text.to_owned())
     } else {
-        Err("is not a name in Rust".to_owned())
+        Err("is not a name in Rust and C".to_owned())
     }
 }

@@ -31,6 +31,8 @@ pub struct Verification {
     pub poses: usize,
     /// Those that the table covers, and where its seeds lead there.
     pub covered: Led,
+    /// Those of them at which the tracker refuses to start for want of a certificate.
+    pub uncertified: usize,
     /// Others that a start by way reaches.
     pub by_way: Led,
     /// Others, if ways were asked for, at which the complete search proves a solution of the sign of the sheet within the
@@ -66,6 +68,7 @@ impl Verification {
         Self {
             poses: self.poses + other.poses,
             covered: self.covered.add(other.covered),
+            uncertified: self.uncertified + other.uncertified,
             by_way: self.by_way.add(other.by_way),
             unreached: self.unreached + other.unreached,
         }
@@ -135,13 +138,17 @@ impl Check<'_> {
         let Ok(exact) = pose(at) else { return none };
         let rounded = rounded::<T>(&self.robot, &self.load);
         let (Ok((robot, load)), Ok(pose)) = (rounded, pose(at)) else { return none };
+        let set_point = still(pose);
+        let start = |way_parts: u16| {
+            Tracker::start_from(robot, load, unlimited(), &set_point, self.table, way_parts)
+        };
         match self.table.states(&robot, &load, &pose) {
-            Ok(states) => Verification { covered: self.led(&exact, &wide(states)), ..none },
+            Ok(states) => {
+                let uncertified = usize::from(start(0).is_err());
+                Verification { covered: self.led(&exact, &wide(states)), uncertified, ..none }
+            }
             Err(TableFault::OutsideRegion | TableFault::Uncovered(_)) if self.way_parts > 0 => {
-                let (still, parts) = (still(pose), self.way_parts);
-                let started =
-                    Tracker::start_from(robot, load, unlimited(), &still, self.table, parts);
-                if let Ok(tracker) = started {
+                if let Ok(tracker) = start(self.way_parts) {
                     let states = wide(states_of(tracker.command()));
                     return Verification { by_way: self.led(&exact, &states), ..none };
                 }
