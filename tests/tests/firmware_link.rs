@@ -113,7 +113,8 @@ fn starts_and_refusals<T: OnTheLine, L: Read + Write>(line: L) {
     assert_eq!(refused(firmware.tick(&nothing).map(|_| ())), "not started");
     let nowhere = Start { position_m: [f64::NAN; 3], ..start() };
     assert!(!refused(firmware.start(&nowhere).map(|_| ())).is_empty());
-    let outside = Start { position_m: [3.0, 7.0, 2.5], ..start() };
+    // Above the anchors, where no way leads.
+    let outside = Start { position_m: [3.0, 7.0, 20.0], ..start() };
     let why = refused(firmware.start(&outside).map(|_| ()));
     assert!(why.contains("outside"), "{why}");
     assert_eq!(refused(firmware.tick(&nothing).map(|_| ())), "not started");

@@ -159,7 +159,7 @@ fn a_table_leads_to_the_solution_or_is_refused() {
     let far = SetPoint { position_m: [2.4, 7.5, 2.5], ..SET_POINT };
     let refused = start_at(asked, &far, table, 0).1;
     assert_eq!((refused.code, refused.remedy), (Code::NotInTable, Remedy::GoBack));
-    assert_eq!(start_at(asked, &far, table, 1).1.code, Code::NotCertified);
+    assert_eq!(start_at(asked, &far, table, 1).1.code, Code::NotInTable);
     assert_eq!(start_at(asked, &far, table, 200).1, Status::ok());
 
     let mut damaged = *table;

@@ -8,7 +8,7 @@ use crate::table::{self, Table, TableFault};
 use crate::{CABLES, CableState, Charted, Fault, Load, Pose, Real, Robot, ShapedCable};
 
 /// Newton steps of [`Tracker::start`].
-pub(crate) const START_STEPS: u8 = 20;
+const START_STEPS: u8 = 20;
 
 /// A start has settled when a step is below this many rounding units of the tensions: what rounding
 /// times the condition of a good posture leaves.
@@ -19,7 +19,7 @@ const LONGER: f64 = 17.0 / 16.0;
 const SHORTER: f64 = 0.5;
 
 impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
-    /// Starts at the solution that Newton's method finds from `states`, at most [`START_STEPS`] steps
+    /// Starts at the solution that Newton's method finds from `states`, at most twenty steps
     /// away. That it is the branch wanted is the caller's to know; from here on it is kept.
     ///
     /// # Errors
@@ -44,9 +44,8 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     /// the sheet comes back to this pose on another branch it is the one that this way leads to.
     ///
     /// # Errors
-    /// [`Fault::Table`] when the table is for another robot or load or has no seed for the pose, and those
-    /// of [`Tracker::start`]; [`Fault::NotCertified`] as well when that ended elsewhere than the seed, or the parts of the
-    /// way did not suffice.
+    /// [`Fault::Table`] when the table is for another robot or load, or has no seed for the pose and no such way was found;
+    /// and those of [`Tracker::start`]; [`Fault::NotCertified`] as well when that ended elsewhere than the seed.
     pub fn start_from(
         robot: Robot<T, M>,
         load: Load<T>,
@@ -66,8 +65,16 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                 tracker.check_seed(&states)?;
                 Ok(tracker)
             }
-            Err(TableFault::Uncovered(_) | TableFault::OutsideRegion) if way_parts > 0 => {
-                Self::start_by_way(robot, load, settings, set_point, table, way_parts)
+            Err(fault @ (TableFault::Uncovered(_) | TableFault::OutsideRegion))
+                if way_parts > 0 =>
+            {
+                let near = nearest(&robot, &load, &set_point.pose, table);
+                let (pose, states) = near.ok_or(Fault::Table(fault))?;
+                let mut tracker = Self::at(robot, load, settings, set_point, &states)?;
+                tracker.now.pose = pose;
+                tracker.go(&states, set_point, way_parts).ok_or(Fault::Table(fault))?;
+                tracker.stay(set_point, Purpose::Command).map_err(Refusal::fault)?;
+                Ok(tracker)
             }
             Err(fault) => Err(Fault::Table(fault)),
         }
@@ -89,40 +96,6 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         *self =
             Self::start_from(self.robot, self.load, self.settings, set_point, table, way_parts)?;
         Ok(())
-    }
-
-    /// [`Tracker::start_from`] the nearest pose that a table covers.
-    #[cold]
-    #[inline(never)]
-    fn start_by_way(
-        robot: Robot<T, M>,
-        load: Load<T>,
-        settings: TrackerSettings<T>,
-        set_point: &SetPoint<T>,
-        table: &Table<'_>,
-        way_parts: u16,
-    ) -> Result<Self, Fault<T>>
-    where
-        M: Charted<T>,
-    {
-        let nearest = || {
-            let at = table.nearest(&table::coordinates(&set_point.pose)?, robot.moment_arm_m())?;
-            let [x, y, z, turn @ ..] = at;
-            Pose::with_turn_vector(Vector3::new(x, y, z), &Vector3::from(turn)).ok()
-        };
-        let from = nearest().ok_or(Fault::Table(TableFault::OutsideRegion))?;
-        let states = table.states(&robot, &load, &from).map_err(Fault::Table)?;
-        let mut tracker = Self::at(robot, load, settings, set_point, &states)?;
-        tracker.now.pose = from;
-        // Predicted as if it took a second.
-        let (way_m, turned) =
-            (set_point.pose.position_m() - from.position_m(), from.turned_to(&set_point.pose));
-        let twist = Twist { linear_m_s: way_m, angular_rad_s: turned };
-        tracker.settle(&SetPoint { pose: from, twist }, Purpose::Part)?;
-        tracker.check_seed(&states)?;
-        tracker.go(&SetPoint { twist, ..*set_point }, way_parts)?;
-        tracker.stay(set_point, Purpose::Command).map_err(Refusal::fault)?;
-        Ok(tracker)
     }
 
     /// At the pose of a set-point, with these forces and rest lengths, of which nothing is proven.
@@ -185,11 +158,18 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         if stayed { Ok(()) } else { Err(Fault::NotCertified { contraction }) }
     }
 
-    /// Goes to a pose, its twist in units of the whole way, in at most so many parts.
-    fn go(&mut self, to: &SetPoint<T>, parts: u16) -> Result<(), Fault<T>> {
+    /// From where a table led to certain states straight to a pose, in at most so many parts. `None` where these are not
+    /// enough, and where it cannot begin.
+    #[cold]
+    #[inline(never)]
+    fn go(&mut self, states: &[CableState<T>; CABLES], to: &SetPoint<T>, parts: u16) -> Option<()> {
         let from = self.now.pose;
+        // Predicted as if the way took a second.
+        let linear_m_s = to.pose.position_m() - from.position_m();
+        let twist = Twist { linear_m_s, angular_rad_s: from.turned_to(&to.pose) };
+        self.settle(&SetPoint { pose: from, twist }, Purpose::Part).ok()?;
+        self.check_seed(states).ok()?;
         let (mut done, mut share) = (T::zero(), T::one());
-        let mut why = Fault::NotCertified { contraction: T::HUGE };
         for _ in 0..parts {
             let reached = done + share;
             let is_last = reached >= T::one();
@@ -197,20 +177,31 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             let (distance_m, lever_arm) = self.now.pose.apart(&pose);
             let attachment_m = distance_m + lever_arm * self.robot.moment_arm_m();
             let moved = Move { attachment_m, lever_arm };
-            let time = if is_last { T::one() - done } else { share };
-            let next = SetPoint { pose, twist: to.twist };
-            match self.advance(&next, &moved, time, Purpose::Part) {
-                Ok(_) if is_last => return Ok(()),
-                Ok(_) => {
-                    done = reached;
-                    share *= T::constant(LONGER);
-                }
-                Err(refusal) => {
-                    why = refusal.fault();
-                    share *= T::constant(SHORTER);
-                }
+            let time_s = if is_last { T::one() - done } else { share };
+            if self.advance(&SetPoint { pose, twist }, &moved, time_s, Purpose::Part).is_err() {
+                share *= T::constant(SHORTER);
+            } else if is_last {
+                return Some(());
+            } else {
+                done = reached;
+                share *= T::constant(LONGER);
             }
         }
-        Err(why)
+        None
     }
+}
+
+/// The nearest pose that a table covers, and the states that it leads to there.
+#[cold]
+#[inline(never)]
+fn nearest<T: Real, M: Charted<T>>(
+    robot: &Robot<T, M>,
+    load: &Load<T>,
+    pose: &Pose<T>,
+    table: &Table<'_>,
+) -> Option<(Pose<T>, [CableState<T>; CABLES])> {
+    let at = table.nearest(&table::coordinates(pose)?, robot.moment_arm_m())?;
+    let [x, y, z, turn @ ..] = at;
+    let near = Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into()).ok()?;
+    Some((near, table.states(robot, load, &near).ok()?))
 }

@@ -20,8 +20,8 @@ mod image {
     use cdpr_core::statics::Balance;
     use cdpr_core::winch::{Drum, DrumDesign, MotorAngle, Sense};
     use cdpr_core::{
-        CABLES, Controller, Fault, NewtonStep, Pose, Real, SetPoint, StepFault, Table, TableFault,
-        Tracker, Twist,
+        CABLES, Controller, Fault, NewtonStep, Pose, Real, Scalar, SetPoint, StepFault, Table,
+        TableFault, Tracker, Twist,
     };
     use cdpr_firmware_example::board::{self, COST_UNIT, Counter};
     use cdpr_firmware_example::control::start_tracker;
@@ -138,9 +138,8 @@ mod image {
         info!("table: stack of a start: {=usize} bytes", deepest);
 
         // Half a metre away from it, and tilted.
-        let [x, y, z] = FAR_AWAY_M.map(Float::from);
-        let turn = Vector3::new(FAR_TURN.into(), Float::from(0.0), Float::from(0.0));
-        let pose = Pose::with_turn_vector(Vector3::new(x, y, z), &turn);
+        let [x, y, z, turn @ ..] = FAR_AWAY.map(<Float as Scalar>::constant);
+        let pose = Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into());
         let set_point = black_box(SetPoint { pose: pose.map_err(Fault::Geometry)?, twist: still });
         let start = |parts: u16| {
             Tracker::start_from(robot, load, robot::settings(), &set_point, &table, parts)
@@ -157,9 +156,8 @@ mod image {
         Ok(())
     }
 
-    /// Where the start by way leads: the position, m, and the sine of the turn about x.
-    const FAR_AWAY_M: [f32; 3] = [2.4, 7.5, 2.5];
-    const FAR_TURN: f32 = 0.03;
+    /// Where the start by way leads: position (m) and turn vector.
+    const FAR_AWAY: [f64; 6] = [2.4, 7.5, 2.5, 0.03, 0.0, 0.0];
 
     /// Poses at which starts by the table are measured.
     const TABLE_POSES: u32 = 1000;
