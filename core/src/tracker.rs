@@ -2,6 +2,8 @@
 
 mod start;
 
+pub use start::START_STEPS;
+
 use nalgebra::{Vector2, Vector3, Vector6};
 
 use crate::certificate::{Change, Hanging, Move, NewtonSize, rounding};

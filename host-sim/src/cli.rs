@@ -60,7 +60,7 @@ enum Command {
     Branches(Branches),
     /// Make a robot file from files of CASPR or WireX
     Import(Box<import::Import>),
-    /// Warm-start tables for the controller: sheets, build, merge, inspect, verify
+    /// Warm-start tables for the controller: sheets, build, merge, inspect, verify, emit-rust, emit-c
     #[command(subcommand)]
     Table(table::TableCommand),
     /// Map where the platform can go: the solutions at every pose of a grid, with proof

@@ -13,8 +13,8 @@ use heapless::Deque;
 
 use crate::messages::{Decision, Inputs, Mode, Motor, Note, Request, Start};
 
-/// Parts of the way to a pose that a warm-start table does not cover, from the nearest one that it covers: enough for all but
-/// the vicinity of folds.
+/// Parts of the way to a pose that a warm-start table does not cover, from the nearest one that it covers. A way takes as many
+/// ticks' worth at once: a recovery, with the brakes closed, may last that long.
 pub const WAY_PARTS: u16 = 256;
 /// Events that may happen in a period.
 const EVENTS: usize = 8;

@@ -7,7 +7,7 @@ use cdpr_core::controller::{
 };
 use cdpr_core::table::{
     COORDINATES, CRC_BYTES, ELASTIC_CATENARY, MAGIC, SEED_BYTES, VERSION, WORD_BYTES, checksum,
-    offset,
+    coordinates, offset,
 };
 use cdpr_core::tracker::MAX_PARTS;
 use cdpr_core::{
@@ -336,6 +336,11 @@ fn look_up(table: &Table<'_>, bytes: &[u8]) {
         let twist = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
         let settings = robot::settings();
         let set_point = SetPoint { pose, twist };
+        if let Some(at) = coordinates(&pose)
+            && let Some(near) = table.nearest(&at, robot.moment_arm_m())
+        {
+            assert!(near.iter().all(|x| x.is_finite()), "{near:?}");
+        }
         for way_parts in [0, 4] {
             let started = Tracker::start_from(robot, load, settings, &set_point, table, way_parts);
             if let Ok(tracker) = started {

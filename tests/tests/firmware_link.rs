@@ -119,6 +119,10 @@ fn starts_and_refusals<T: OnTheLine, L: Read + Write>(line: L) {
     assert!(why.contains("outside"), "{why}");
     assert_eq!(refused(firmware.tick(&nothing).map(|_| ())), "not started");
 
+    // Where the table leads only by way.
+    firmware.start(&Start { position_m: [2.5, 7.3, 2.5], ..start() }).unwrap();
+    firmware.tick(&nothing).unwrap();
+
     // The second time it knows nothing of the first.
     let script = script::<T>(400);
     replay(&mut firmware, &script);

@@ -89,7 +89,7 @@ enum cdpr_code
     CDPR_CODE_BAD_TABLE = 40,
     // The table was made for a robot with another `cable`, or (-1) for another load or cable model.
     CDPR_CODE_OTHER_ROBOT = 41,
-    // The pose is in no cell of the table, and no way leads there from one.
+    // The pose is in no cell of the table, and no way of `way_parts` parts was found that leads there from one.
     CDPR_CODE_NOT_IN_TABLE = 42,
     // Something this interface has no name for; the remedy holds all the same.
     CDPR_CODE_OTHER = 99,
@@ -484,10 +484,12 @@ cdpr_f32_status cdpr_f32_start_from_lengths(cdpr_f32_tracker *tracker,
                                             float tolerance_m);
 
 // Starts a tracker from a warm-start table (`cdpr table build`) of so many bytes: on the sheet of the table, at the
-// solution that it leads to at the pose. The table is only read, may lie in flash at any address, and is checked first.
+// solution that it leads to at the pose. The table is only read, may lie in flash at any address, and is checked first,
+// with about ten instructions a byte.
 //
 // Where it does not cover the pose and `way_parts` is not 0: at the nearest pose that it covers, and from there in at most
-// so many parts, each proven and as expensive as a tick, straight to the pose. Otherwise as `cdpr_f32_start`.
+// so many parts, each proven and as expensive as a tick, straight to the pose. The search for that pose looks at each node
+// of the table once at most. Otherwise as `cdpr_f32_start`.
 //
 // # Safety
 // A pointer that is neither null nor misaligned must point to what its type says. `table`: `table_bytes` bytes.

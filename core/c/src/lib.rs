@@ -22,7 +22,7 @@ use core::mem::{align_of, size_of};
 use core::slice;
 
 use cdpr_core::statics::Balance;
-use cdpr_core::{Fault, IrvineCatenary, Real, Table};
+use cdpr_core::{Fault, IrvineCatenary, Real, Table, TableFault};
 
 use crate::status::{Code, Status};
 use crate::types::{CDPR_CABLES, CableState, Command, Load, Robot, SetPoint, Settings};
@@ -144,10 +144,12 @@ pub unsafe extern "C" fn cdpr_f32_start_from_lengths(
 }
 
 /// Starts a tracker from a warm-start table (`cdpr table build`) of so many bytes: on the sheet of the table, at the
-/// solution that it leads to at the pose. The table is only read, may lie in flash at any address, and is checked first.
+/// solution that it leads to at the pose. The table is only read, may lie in flash at any address, and is checked first,
+/// with about ten instructions a byte.
 ///
 /// Where it does not cover the pose and `way_parts` is not 0: at the nearest pose that it covers, and from there in at most
-/// so many parts, each proven and as expensive as a tick, straight to the pose. Otherwise as `cdpr_f32_start`.
+/// so many parts, each proven and as expensive as a tick, straight to the pose. The search for that pose looks at each node
+/// of the table once at most. Otherwise as `cdpr_f32_start`.
 ///
 /// # Safety
 /// A pointer that is neither null nor misaligned must point to what its type says. `table`: `table_bytes` bytes.
@@ -336,6 +338,10 @@ impl<T: Real> Start<T> {
             let Question { robot, load, settings, set_point } = self.read()?;
             if !is_sound(table) {
                 return Err(Status::refusal(Code::BadPointer));
+            }
+            // No slice is longer.
+            if isize::try_from(table_bytes).is_err() {
+                return Err(Fault::Table(TableFault::TooShort).into());
             }
             let table =
                 Table::open(slice::from_raw_parts(table, table_bytes)).map_err(Fault::Table)?;

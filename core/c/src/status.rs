@@ -73,7 +73,7 @@ pub enum Code {
     BadTable = 40,
     /// The table was made for a robot with another `cable`, or (-1) for another load or cable model.
     OtherRobot = 41,
-    /// The pose is in no cell of the table, and no way leads there from one.
+    /// The pose is in no cell of the table, and no way of `way_parts` parts was found that leads there from one.
     NotInTable = 42,
 
     /// Something this interface has no name for; the remedy holds all the same.

@@ -160,7 +160,18 @@ fn a_table_leads_to_the_solution_or_is_refused() {
     let refused = start_at(asked, &far, table, 0).1;
     assert_eq!((refused.code, refused.remedy), (Code::NotInTable, Remedy::GoBack));
     assert_eq!(start_at(asked, &far, table, 1).1.code, Code::NotInTable);
-    assert_eq!(start_at(asked, &far, table, 200).1, Status::ok());
+    let (tracker, status) = start_at(asked, &far, table, 200);
+    assert_eq!(status, Status::ok());
+    // SAFETY: both pointers are of references.
+    let status = unsafe { cdpr_f64_last_command(&raw const tracker, &raw mut command) };
+    assert_eq!(status, Status::ok());
+    let there = far.to_core().unwrap();
+    let (robot_there, settings) = (robot.to_core().unwrap(), SETTINGS.to_core());
+    let opened = Table::open(table).unwrap();
+    let same = Tracker::start_from(robot_there, LOAD.to_core(), settings, &there, &opened, 200);
+    for (cable, expected) in command.cables.iter().zip(&same.unwrap().command().cables) {
+        assert_eq!(cable.rest_length_m.to_bits(), expected.rest_length_m.to_bits());
+    }
 
     let mut damaged = *table;
     damaged[200] ^= 4;

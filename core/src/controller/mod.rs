@@ -229,8 +229,8 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
     /// In [`State::Disarmed`]: starts anew at `stance`, on the sheet of a warm-start table, wherever the
     /// last command held the platform. [`Controller::arm`] then brings the winches to the lengths of that.
     ///
-    /// Cost: that of [`Tracker::start_from`], several ticks' worth and one more for each part of the way. Nothing moves
-    /// meanwhile, but a caller in an interrupt must bear it.
+    /// Cost: that of [`Tracker::start_from`], several ticks' worth, and if there is a way the search where it begins and one
+    /// tick's worth for each part. Nothing moves meanwhile, but a caller in an interrupt must bear it, or ask for no way.
     ///
     /// # Errors
     /// [`Refusal`]: not disarmed, or [`Refusal::NoRestart`].

@@ -41,7 +41,7 @@
 //! - The same with 4080 and more in bits 0 to 11: one half is not covered, bits 0 to 2 tell why, and the node of the other
 //!   follows, which is the upper one if bit 3 is set.
 //! - 0 with 6 or 7 in bits 12 to 14, a trim: what of the box is beyond a [`Plane`] is not covered, as the sheet ends
-//!   at a fold there, and the node of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement.
+//!   at a fold there, and the cell of the rest follows. Bits 0 to 11 are the offset of the plane in two's complement.
 //!   In the next word are the components of its normal in the position, of five bits each in two's complement, the
 //!   first in the lowest; after a 7 those in the turn vector are in the word behind it, else they are zero.
 //! - 10, a cell: bits 0 to 13 are the index of its seed, which other cells may have as well.
@@ -61,10 +61,11 @@ pub use node::{Node, Plane};
 pub use seed::{decoded, encoded};
 
 use crc::{CRC_32_ISO_HDLC, Crc};
+use nalgebra::Vector3;
 
 use crate::chart::{self, Charted, Start};
 use crate::statics::Balance;
-use crate::{CABLES, CableState, Load, Pose, Real, Robot};
+use crate::{CABLES, CableState, GeometryFault, Load, Pose, Real, Robot};
 
 /// What a table begins with.
 pub const MAGIC: [u8; 8] = *b"CDPRSEED";
@@ -542,4 +543,13 @@ fn in_upper_half<T: Real>(along: &mut T) -> bool {
 pub fn coordinates<T: Real>(pose: &Pose<T>) -> Option<[T; COORDINATES]> {
     let (c, turn) = (pose.position_m(), pose.turn_vector()?);
     Some([c.x, c.y, c.z, turn.x, turn.y, turn.z])
+}
+
+/// The pose with such [`coordinates`].
+///
+/// # Errors
+/// [`GeometryFault::InvalidPose`] when a number is not finite or the turn a right angle or more.
+pub fn pose<T: Real>(at: &[T; COORDINATES]) -> Result<Pose<T>, GeometryFault> {
+    let [x, y, z, turn @ ..] = *at;
+    Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into())
 }

@@ -5,7 +5,7 @@ use crate::Real;
 
 /// A place is taken so far inside of a cell, in parts of its sides, and so far before a plane, in units of its normal: far
 /// more than is rounded.
-const INSIDE: f64 = 1.0 / 16.0;
+const INSIDE: f64 = 1.0 / 8.0;
 
 /// A pose, seen from a box.
 struct View<T> {
@@ -17,14 +17,14 @@ struct View<T> {
     sides: [T; COORDINATES],
 }
 
-/// A box that is halved: where the pose is between its sides, and the node of the half that is left to be looked at, which
+/// A box that is halved: where the pose is between its sides, and the node of the half that is still to be looked at, which
 /// is never the root; 0 for none.
 #[derive(Clone, Copy)]
 struct Halved<T> {
     place: T,
-    left: u32,
+    rest: u32,
     coordinate: u8,
-    is_left_upper: bool,
+    is_rest_upper: bool,
 }
 
 /// The coordinates of the best pose found, and the square of its distance, m^2.
@@ -80,8 +80,8 @@ impl<T: Real> View<T> {
         match table.node(index).filter(|_| is_nearer)? {
             Node::Split { coordinate, lower, upper } => {
                 let is_upper = *self.place.get(coordinate)? > T::constant(0.5); // the nearer one
-                let (first, left) = if is_upper { (upper, lower) } else { (lower, upper) };
-                Some((self.halved(coordinate, left, !is_upper)?, first, is_upper))
+                let (first, rest) = if is_upper { (upper, lower) } else { (lower, upper) };
+                Some((self.halved(coordinate, rest, !is_upper)?, first, is_upper))
             }
             Node::Half { coordinate, is_upper, inside, .. } => {
                 Some((self.halved(coordinate, 0, false)?, inside, is_upper))
@@ -100,12 +100,12 @@ impl<T: Real> View<T> {
         }
     }
 
-    fn halved(&self, coordinate: usize, left: usize, is_left_upper: bool) -> Option<Halved<T>> {
+    fn halved(&self, coordinate: usize, rest: usize, is_rest_upper: bool) -> Option<Halved<T>> {
         Some(Halved {
             place: *self.place.get(coordinate)?,
-            left: u32::try_from(left).ok()?,
+            rest: u32::try_from(rest).ok()?,
             coordinate: u8::try_from(coordinate).ok()?,
-            is_left_upper,
+            is_rest_upper,
         })
     }
 
@@ -142,14 +142,15 @@ impl Table<'_> {
         let sides = self.extent().map(|side| T::constant(f64::from(side)));
         let mut view = View { at: *at, unit_m, place: self.place(at), sides };
         let mut best = Best { at: None, distance_sq: T::HUGE };
-        let none = Halved { place: T::zero(), left: 0, coordinate: 0, is_left_upper: false };
+        let none = Halved { place: T::zero(), rest: 0, coordinate: 0, is_rest_upper: false };
         let (mut way, mut depth) = ([none; MAX_DEPTH], 0);
         let mut next = Some(0);
         // Each node is looked at once, and each box that is halved left once more.
         for _ in 0..self.words.saturating_mul(2) {
             let found = next.take().and_then(|index| view.look(self, index, &mut best));
             if let Some((halved, first, is_upper)) = found {
-                *way.get_mut(depth)? = halved;
+                let Some(end) = way.get_mut(depth) else { break }; // deeper than a table is
+                *end = halved;
                 depth += 1;
                 view.enter(&halved, is_upper);
                 next = Some(first);
@@ -157,10 +158,10 @@ impl Table<'_> {
             }
             let Some(last) = depth.checked_sub(1).and_then(|last| way.get_mut(last)) else { break };
             view.leave(last);
-            if last.left > 0 {
-                view.enter(last, last.is_left_upper);
-                next = Some(last.left as usize);
-                last.left = 0;
+            if last.rest > 0 {
+                view.enter(last, last.is_rest_upper);
+                next = Some(last.rest as usize);
+                last.rest = 0;
             } else {
                 depth -= 1;
             }

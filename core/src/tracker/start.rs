@@ -1,14 +1,14 @@
 //! How a [`Tracker`] starts: at forces and lengths that are known, or from a warm-start table.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
 use super::{Command, Purpose, Refusal, SetPoint, Solution, Tracker, TrackerSettings, Twist};
 use crate::certificate::Move;
-use crate::table::{self, Table, TableFault};
+use crate::table::{self, COORDINATES, Table, TableFault};
 use crate::{CABLES, CableState, Charted, Fault, Load, Pose, Real, Robot, ShapedCable};
 
 /// Newton steps of [`Tracker::start`].
-const START_STEPS: u8 = 20;
+pub const START_STEPS: u8 = 20;
 
 /// A start has settled when a step is below this many rounding units of the tensions: what rounding
 /// times the condition of a good posture leaves.
@@ -17,9 +17,14 @@ const START_STEP: f64 = 4096.0;
 /// A part of a way that is proven is followed by one that is longer by this factor, one that is not by one that is shorter.
 const LONGER: f64 = 17.0 / 16.0;
 const SHORTER: f64 = 0.5;
+/// Parts that are shorter, in units of the whole way, hardly lead on: a fold is there.
+const SHORTEST: f64 = 1.0 / 16384.0;
+/// Largest turn of a part. Attachments go straight, so that in its middle they would be closer to the platform origin by an
+/// eighth of its square.
+const LARGEST_TURN: f64 = 1.0 / 16.0;
 
 impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
-    /// Starts at the solution that Newton's method finds from `states`, at most twenty steps
+    /// Starts at the solution that Newton's method finds from `states`, at most [`START_STEPS`] steps
     /// away. That it is the branch wanted is the caller's to know; from here on it is kept.
     ///
     /// # Errors
@@ -40,8 +45,8 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     ///
     /// Where the table has no seed for it, and `way_parts` is not zero, at the nearest pose for which it has one
     /// ([`Table::nearest`]), and from there straight on to the pose of the set-point, in at most so many parts. Each is
-    /// proven to stay on the branch as those of a tick are, and costs as much; limits are those of the set-point only. Where
-    /// the sheet comes back to this pose on another branch it is the one that this way leads to.
+    /// proven to stay on the branch as those of a tick are, and costs as much; limits are kept at the set-point, not on the
+    /// way. Where the sheet comes back to this pose on another branch it is the one that this way leads to.
     ///
     /// # Errors
     /// [`Fault::Table`] when the table is for another robot or load, or has no seed for the pose and no such way was found;
@@ -68,11 +73,13 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             Err(fault @ (TableFault::Uncovered(_) | TableFault::OutsideRegion))
                 if way_parts > 0 =>
             {
+                let refused = Fault::Table(fault);
                 let near = nearest(&robot, &load, &set_point.pose, table);
-                let (pose, states) = near.ok_or(Fault::Table(fault))?;
+                let (way, states) = near.ok_or(refused)?;
                 let mut tracker = Self::at(robot, load, settings, set_point, &states)?;
-                tracker.now.pose = pose;
-                tracker.go(&states, set_point, way_parts).ok_or(Fault::Table(fault))?;
+                tracker.go(&way, &states, way_parts).ok_or(refused)?;
+                // What a command is compared with is a solution, not the end of a prediction.
+                tracker.stay(set_point, Purpose::Part).map_err(Refusal::fault)?;
                 tracker.stay(set_point, Purpose::Command).map_err(Refusal::fault)?;
                 Ok(tracker)
             }
@@ -162,46 +169,64 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     /// enough, and where it cannot begin.
     #[cold]
     #[inline(never)]
-    fn go(&mut self, states: &[CableState<T>; CABLES], to: &SetPoint<T>, parts: u16) -> Option<()> {
-        let from = self.now.pose;
+    fn go(
+        &mut self,
+        [from, to]: &[[T; COORDINATES]; 2],
+        states: &[CableState<T>; CABLES],
+        parts: u16,
+    ) -> Option<()> {
+        let between = |share: T| {
+            let at = core::array::from_fn(|k| from[k] + (to[k] - from[k]) * share);
+            table::pose(&at).ok()
+        };
+        let (begin, end) = (between(T::zero())?, between(T::one())?);
         // Predicted as if the way took a second.
-        let linear_m_s = to.pose.position_m() - from.position_m();
-        let twist = Twist { linear_m_s, angular_rad_s: from.turned_to(&to.pose) };
-        self.settle(&SetPoint { pose: from, twist }, Purpose::Part).ok()?;
+        let linear_m_s = end.position_m() - begin.position_m();
+        let twist = Twist { linear_m_s, angular_rad_s: begin.turned_to(&end) };
+        self.now.pose = begin;
+        self.settle(&SetPoint { pose: begin, twist }, Purpose::Part).ok()?;
         self.check_seed(states).ok()?;
         let (mut done, mut share) = (T::zero(), T::one());
         for _ in 0..parts {
-            let reached = done + share;
-            let is_last = reached >= T::one();
-            let pose = if is_last { to.pose } else { from.between(&to.pose, reached) };
+            let left = T::one() - done;
+            let is_last = share >= left;
+            if is_last {
+                share = left;
+            }
+            let pose = if is_last { end } else { between(done + share)? };
             let (distance_m, lever_arm) = self.now.pose.apart(&pose);
             let attachment_m = distance_m + lever_arm * self.robot.moment_arm_m();
             let moved = Move { attachment_m, lever_arm };
-            let time_s = if is_last { T::one() - done } else { share };
-            if self.advance(&SetPoint { pose, twist }, &moved, time_s, Purpose::Part).is_err() {
-                share *= T::constant(SHORTER);
-            } else if is_last {
+            let is_proven = lever_arm <= T::constant(LARGEST_TURN)
+                && self.advance(&SetPoint { pose, twist }, &moved, share, Purpose::Part).is_ok();
+            if is_proven && is_last {
                 return Some(());
-            } else {
-                done = reached;
+            } else if is_proven {
+                done += share;
                 share *= T::constant(LONGER);
+            } else if share > T::constant(SHORTEST) {
+                share *= T::constant(SHORTER);
+            } else {
+                return None;
             }
         }
         None
     }
 }
 
-/// The nearest pose that a table covers, and the states that it leads to there.
+/// The coordinates of the nearest pose that a table covers and of a pose, and the states that the table leads to at the
+/// first.
 #[cold]
 #[inline(never)]
+#[allow(clippy::type_complexity)] // a way, and states
 fn nearest<T: Real, M: Charted<T>>(
     robot: &Robot<T, M>,
     load: &Load<T>,
     pose: &Pose<T>,
     table: &Table<'_>,
-) -> Option<(Pose<T>, [CableState<T>; CABLES])> {
-    let at = table.nearest(&table::coordinates(pose)?, robot.moment_arm_m())?;
-    let [x, y, z, turn @ ..] = at;
-    let near = Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into()).ok()?;
-    Some((near, table.states(robot, load, &near).ok()?))
+) -> Option<([[T; COORDINATES]; 2], [CableState<T>; CABLES])> {
+    let to = table::coordinates(pose)?;
+    let from = table.nearest(&to, robot.moment_arm_m())?;
+    let states = table.states(robot, load, &table::pose(&from).ok()?).ok()?;
+    Some(([from, to], states))
 }

@@ -18,6 +18,7 @@ mod image {
         ControllerSettings, MotionLimits, Pace, Queue, Readings, Stance, State, WayPoint,
     };
     use cdpr_core::statics::Balance;
+    use cdpr_core::table;
     use cdpr_core::winch::{Drum, DrumDesign, MotorAngle, Sense};
     use cdpr_core::{
         CABLES, Controller, Fault, NewtonStep, Pose, Real, Scalar, SetPoint, StepFault, Table,
@@ -137,9 +138,8 @@ mod image {
         info!("table: worst start: {=u32} {=str}", starts, COST_UNIT);
         info!("table: stack of a start: {=usize} bytes", deepest);
 
-        // Half a metre away from it, and tilted.
-        let [x, y, z, turn @ ..] = FAR_AWAY.map(<Float as Scalar>::constant);
-        let pose = Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into());
+        // A third of a metre away from the firmware's, and tilted.
+        let pose = table::pose(&FAR_AWAY.map(<Float as Scalar>::constant));
         let set_point = black_box(SetPoint { pose: pose.map_err(Fault::Geometry)?, twist: still });
         let start = |parts: u16| {
             Tracker::start_from(robot, load, robot::settings(), &set_point, &table, parts)
@@ -149,7 +149,8 @@ mod image {
         };
         let (tracker, cost) = counter.count(|| start(parts));
         tracker?;
-        info!("table: start by a way of {=u16} parts: {=u32} {=str}", parts, cost, COST_UNIT);
+        info!("table: parts of a way: {=u16}", parts);
+        info!("table: start by way: {=u32} {=str}", cost, COST_UNIT);
         let (tracker, bytes) = stack::used_by(|| start(parts));
         tracker?;
         info!("table: stack of a start by way: {=usize} bytes", bytes);
@@ -172,8 +173,7 @@ mod image {
             let share = f64::from(number.wrapping_mul(STEPS[k])) / 4_294_967_296.0;
             T::constant(f64::from(low[k]) + f64::from(extent[k]) * share)
         });
-        let [x, y, z, turn @ ..] = c;
-        Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into()).map_err(Fault::Geometry)
+        table::pose(&c).map_err(Fault::Geometry)
     }
 
     /// Rest lengths and their rates as angles and speeds of six motors.

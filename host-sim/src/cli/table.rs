@@ -411,7 +411,7 @@ impl Verify {
         if self.format == Format::Json {
             write_pretty(out, &found)?;
         } else {
-            let Verification { poses, covered, uncertified, by_way, unreached } = found;
+            let Verification { poses, covered, uncertified, by_way, .. } = found;
             writeln!(out, "{poses} random poses, {} covered", covered.poses)?;
             write_led(out, &covered)?;
             writeln!(
@@ -425,9 +425,15 @@ impl Verify {
                     by_way.poses, self.way_parts
                 )?;
                 write_led(out, &by_way)?;
+                let Verification { unreached, unreached_undecided, .. } = found;
                 writeln!(
                     out,
-                    "{unreached} others not reached that have a solution of the sheet's sign within its lengths"
+                    "{unreached} others have a solution of the sheet's sign within its lengths, {unreached_undecided} undecided"
+                )?;
+                let [covered, reached] = found.shares().map(|share| 100.0 * share);
+                writeln!(
+                    out,
+                    "of all poses with such a solution {covered:.2} % are covered, {reached:.2} % reached"
                 )?;
             }
         }
@@ -469,6 +475,7 @@ impl Emit {
             }
             Language::C => {
                 writeln!(out, "// A warm-start table: {seeds} seeds, {steps} steps.")?;
+                writeln!(out, "#ifdef __cplusplus\nextern \"C\"\n#endif")?;
                 writeln!(out, "const unsigned char {name}[{count}] = {{")?;
                 "};"
             }

@@ -28,8 +28,7 @@ pub(super) fn dot(a: &Point, b: &Point) -> f64 {
 
 /// The pose with these coordinates, rounded to a number type.
 pub(super) fn pose<T: Real>(at: &Point) -> Result<Pose<T>, GeometryFault> {
-    let [x, y, z, turn @ ..] = at.map(T::constant);
-    Pose::with_turn_vector(Vector3::new(x, y, z), &turn.into())
+    cdpr_core::table::pose(&at.map(T::constant))
 }
 
 /// A box of poses.

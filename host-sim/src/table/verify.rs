@@ -38,6 +38,8 @@ pub struct Verification {
     /// Others, if ways were asked for, at which the complete search proves a solution of the sign of the sheet within the
     /// lengths for which that was wanted.
     pub unreached: usize,
+    /// And those where it could not decide.
+    pub unreached_undecided: usize,
 }
 
 /// What a controller is led to at poses.
@@ -58,6 +60,15 @@ pub struct Led {
 }
 
 impl Verification {
+    /// Of all poses at which there is a solution of the sign of the sheet within its lengths, if ways were asked for, the
+    /// share that the table covers, and that with those that are reached by way.
+    #[must_use]
+    pub fn shares(&self) -> [f64; 2] {
+        let [covered, by_way] = [self.covered, self.by_way].map(|led| led.within_lengths);
+        let all = covered + by_way + self.unreached;
+        [covered, covered + by_way].map(|some| some as f64 / all.max(1) as f64)
+    }
+
     /// Poses where the controller is led elsewhere than to a solution.
     #[must_use]
     pub fn wrong(&self) -> usize {
@@ -71,6 +82,7 @@ impl Verification {
             uncertified: self.uncertified + other.uncertified,
             by_way: self.by_way.add(other.by_way),
             unreached: self.unreached + other.unreached,
+            unreached_undecided: self.unreached_undecided + other.unreached_undecided,
         }
     }
 }
@@ -152,8 +164,10 @@ impl Check<'_> {
                     let states = wide(states_of(tracker.command()));
                     return Verification { by_way: self.led(&exact, &states), ..none };
                 }
-                let is_there = self.has_solution(at, &exact) == Some(true);
-                Verification { unreached: usize::from(is_there), ..none }
+                match self.has_solution(at, &exact) {
+                    Some(is_there) => Verification { unreached: usize::from(is_there), ..none },
+                    None => Verification { unreached_undecided: 1, ..none },
+                }
             }
             Err(TableFault::OutsideRegion | TableFault::Uncovered(_)) => none,
             // A seed that leads nowhere.
@@ -168,8 +182,8 @@ impl Check<'_> {
     fn led(&self, exact: &Pose<f64>, found: &States<f64>) -> Led {
         let mut led = Led { poses: 1, ..Led::default() };
         let (sum_n, wanted_m) = (sum_n(found), self.table.limits_m());
-        let limits = found.map(|s| CableLimits {
-            max_length_m: ROOM * s.rest_length_m.max(f64::from(wanted_m[0])),
+        let limits = std::array::from_fn(|i| CableLimits {
+            max_length_m: ROOM * found[i].rest_length_m.max(f64::from(wanted_m[i])),
             max_tension_n: TENSION_ROOM * sum_n,
         });
         let Some(answer) = self.search(exact, limits) else {
@@ -198,7 +212,7 @@ impl Check<'_> {
     }
 
     /// Whether the search proves a solution of the sign of the sheet within its lengths; tensions are limited by those at
-    /// the nearest pose that is covered.
+    /// the nearest pose that is covered. `None` when it cannot decide.
     fn has_solution(&self, at: &Point, exact: &Pose<f64>) -> Option<bool> {
         let near = pose(&self.table.nearest(at, self.robot.moment_arm_m())?).ok()?;
         let states = self.table.states(&self.robot, &self.load, &near).ok()?;
@@ -208,7 +222,8 @@ impl Check<'_> {
             .limits_m()
             .map(|length_m| CableLimits { max_length_m: f64::from(length_m), max_tension_n });
         let answer = self.search(exact, limits)?;
-        Some(answer.solutions.iter().any(|proof| self.is_of_sheet(exact, proof)))
+        let is_there = answer.solutions.iter().any(|proof| self.is_of_sheet(exact, proof));
+        (is_there || answer.undecided.is_empty()).then_some(is_there)
     }
 
     /// Whether a solution has the sign of the sheet.

@@ -1,19 +1,26 @@
 //! Starts at poses that a table does not cover: the nearest one that it does, and the way from there.
 
-use cdpr_core::table::{COORDINATES, Table, TableFault};
+use cdpr_core::table::{COORDINATES, Table, TableFault, pose};
 use cdpr_core::{CABLES, CableState, Command, Fault, Real, SetPoint, Tracker, TrackerSettings};
+use cdpr_firmware_example::robot as firmware;
 use cdpr_tests::{random, random_tests};
 use rand::{RngExt as _, rngs::ChaCha8Rng};
 use rayon::prelude::*;
 
 use super::leads::{followed, start_states};
 use super::{
-    Leaf, Place, Reader, START, TABLE, What, apart, built, crane, exact_crane, poses, proven,
-    still, table, unlimited, wide,
+    Leaf, Place, Reader, START, TABLE, TREE, What, apart, built, crane, exact_crane, poses, proven,
+    repaired, still, table, unlimited, wide,
 };
 
 /// Far more parts than any way here takes.
 const MANY: u16 = 2000;
+/// How far inside of a cell the nearest pose is taken, in parts of its sides.
+const INSIDE: f64 = 1.0 / 8.0;
+/// What a command may be off from the proven solution, as a part of the sum of forces: a thousand roundings of f32, as the
+/// condition of a posture near a bend makes of one; and what Newton's method leaves in f64, squared at each step.
+const SINGLE: f64 = 1e-4;
+const DOUBLE: f64 = 1e-9;
 
 fn states<T: Real>(command: &Command<T>) -> [CableState<T>; CABLES] {
     command
@@ -37,12 +44,21 @@ fn check_nearest(reader: &Reader<'_>, at: &Place, arm_m: f64) -> f64 {
     };
     let leaves = reader.leaves();
     let cells = leaves.iter().filter(|leaf| matches!(leaf.what, What::Cell(_)));
-    // To the nearest of all cells, and to a sixteenth inside of the nearest without a plane.
+    // To the nearest of all cells; to an eighth inside of the nearest without a plane, or to the corner there of one with a
+    // plane that is the furthest before it.
     let (mut least_m, mut most_m) = (f64::INFINITY, f64::INFINITY);
     for cell in cells {
         least_m = least_m.min(distance_m(&inside(cell, 0.0)));
-        if cell.plane.is_none() {
-            most_m = most_m.min(distance_m(&inside(cell, 1.0 / 16.0)));
+        let Some((normal, offset)) = cell.plane else {
+            most_m = most_m.min(distance_m(&inside(cell, INSIDE)));
+            continue;
+        };
+        let corner: Place = normal.map(|n| if n > 0 { INSIDE } else { 1.0 - INSIDE });
+        let along: f64 = (0..COORDINATES).map(|k| f64::from(normal[k]) * corner[k]).sum();
+        if along - f64::from(offset) / 16.0 < -INSIDE {
+            let side = |k: usize| cell.high[k] - cell.low[k];
+            let corner = std::array::from_fn(|k| cell.low[k] + corner[k] * side(k));
+            most_m = most_m.min(distance_m(&corner));
         }
     }
     let table = Table::open(reader.0).expect("a table");
@@ -52,10 +68,11 @@ fn check_nearest(reader: &Reader<'_>, at: &Place, arm_m: f64) -> f64 {
     let rounding_m = 1e-12;
     assert!(found_m >= least_m - rounding_m, "{at:?}: {found_m} m, below {least_m} m");
     assert!(found_m <= most_m + rounding_m, "{at:?}: {found_m} m, above {most_m} m");
-    // In f32 as well there is a seed for it.
+    // There is a seed for it, in f32 as well.
+    assert!(table.start_at(&pose(&near).expect("a pose")).is_ok(), "{at:?}: {near:?}");
     #[allow(clippy::cast_possible_truncation)] // that is what f32 is
     let near = table.nearest(&at.map(|x| x as f32), 1.0).expect("a cell");
-    assert!(table.start_at(&poses(&near.map(f64::from)).0).is_ok(), "{at:?}: {near:?}");
+    assert!(table.start_at(&pose(&near).expect("a pose")).is_ok(), "{at:?}: {near:?}");
     found_m
 }
 
@@ -142,7 +159,6 @@ fn a_way_leads_to_the_proven_solution_of_the_branch() {
             let (single, double, place) = poses(&at);
             let refused = Count { refused: 1, ..Count::default() };
             let mut count = Count::default();
-            // In f32 a force is good to some thousand roundings, as the pose is.
             let (robot, load) = crane::<f32>();
             let none = Tracker::start_from(robot, load, unlimited(), &still(single), &table, 0);
             let by_way =
@@ -155,7 +171,7 @@ fn a_way_leads_to_the_proven_solution_of_the_branch() {
                 ));
             }
             count = count.add(match by_way {
-                Ok(tracker) => examine(&wide(&states(tracker.command())), &place, 1e-4),
+                Ok(tracker) => examine(&wide(&states(tracker.command())), &place, SINGLE),
                 Err(Fault::Table(_) | Fault::NotCertified { .. }) => refused,
                 Err(fault) => panic!("{at:?}: {fault}"),
             });
@@ -163,7 +179,7 @@ fn a_way_leads_to_the_proven_solution_of_the_branch() {
             let by_way =
                 Tracker::start_from(robot, load, unlimited(), &still(double), &table, MANY);
             count.add(match by_way {
-                Ok(tracker) => examine(&states(tracker.command()), &place, 1e-9),
+                Ok(tracker) => examine(&states(tracker.command()), &place, DOUBLE),
                 Err(Fault::Table(_)) => refused,
                 Err(fault) => panic!("{at:?}: {fault}"),
             })
@@ -211,6 +227,18 @@ fn a_way_takes_its_parts_and_ends_within_limits() {
     // The twist is that of the set-point, not of the way.
     let rates = tracker.command().cables.map(|cable| cable.rest_length_rate_m_s);
     assert!(rates.iter().all(|rate_m_s| *rate_m_s == 0.0), "{rates:?}");
+    // As if it had been started there, in motion and with the limits of the firmware.
+    let mut moving = there;
+    moving.twist.linear_m_s.x = 0.5;
+    moving.twist.angular_rad_s.z = 0.1;
+    let by_way = start(firmware::settings(), &moving, enough).expect("within all limits");
+    let known = states(by_way.command());
+    let at_once =
+        Tracker::start(robot, load, firmware::settings(), &moving, &known).expect("a start");
+    for (a, b) in by_way.command().cables.iter().zip(&at_once.command().cables) {
+        assert!((a.rest_length_m - b.rest_length_m).abs() < 1e-9);
+        assert!((a.rest_length_rate_m_s - b.rest_length_rate_m_s).abs() < 1e-7);
+    }
     // A restart that fails leaves what was.
     let mut tracker = tracker;
     let before = *tracker.command();
@@ -224,4 +252,37 @@ fn a_way_takes_its_parts_and_ends_within_limits() {
     fast.twist.linear_m_s.x = 1e3;
     let refused = start(unlimited(), &fast, enough).err();
     assert!(matches!(refused, Some(Fault::JumpingSetPoint { .. })), "{refused:?}");
+}
+
+/// Trees that no builder writes, in the bytes of a table that is sound otherwise.
+#[test]
+fn no_tree_leads_a_search_astray() {
+    let words = Reader(&TABLE).word(16) as usize;
+    let tree = |word: &dyn Fn(usize) -> u16| {
+        let mut bytes = TABLE.clone();
+        for k in 0..words {
+            bytes[TREE + 2 * k..TREE + 2 * k + 2].copy_from_slice(&word(k).to_le_bytes());
+        }
+        repaired(bytes)
+    };
+    let coordinate = |k: usize| u16::try_from(k % COORDINATES).expect("small") << 12;
+    let nothing = 0b11 << 14;
+    let is_last = |k: usize| k + 2 >= words;
+    // Halves that share their nodes, of which there would be as many as Fibonacci's numbers; halves of halves without
+    // end; and no cell at all.
+    let shared = tree(&|k| if is_last(k) { nothing } else { coordinate(k) | 2 });
+    let deep = tree(&|k| if is_last(k) { nothing } else { coordinate(k) | 0xff8 });
+    let empty = tree(&|_| nothing);
+    let cells = tree(&|k| if is_last(k) { 0b10 << 14 } else { coordinate(k) | 2 });
+    for (bytes, has_cell) in [(shared, false), (deep, false), (empty, false), (cells, true)] {
+        let table = Table::open(&bytes).expect("sound bytes");
+        for far in [0.0, 0.3, 50.0] {
+            let near = table.nearest(&START.map(|x| x + far), 1.0);
+            assert!(near.is_none_or(|near| has_cell && near.iter().all(|x| x.is_finite())));
+        }
+        let (robot, load) = exact_crane();
+        let there = still(poses(&START).1);
+        let started = Tracker::start_from(robot, load, unlimited(), &there, &table, 9);
+        assert!(started.is_err() || has_cell);
+    }
 }
