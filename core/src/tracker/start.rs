@@ -165,8 +165,8 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         if stayed { Ok(()) } else { Err(Fault::NotCertified { contraction }) }
     }
 
-    /// From where a table led to certain states straight to a pose, in at most so many parts. `None` where these are not
-    /// enough, and where it cannot begin.
+    /// Along a straight way to where it is, from where a table led to certain states, in at most so many parts. `None` where
+    /// these are not enough, and where the way cannot begin.
     #[cold]
     #[inline(never)]
     fn go(
@@ -179,7 +179,8 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             let at = core::array::from_fn(|k| from[k] + (to[k] - from[k]) * share);
             table::pose(&at).ok()
         };
-        let (begin, end) = (between(T::zero())?, between(T::one())?);
+        // The tracker is where the way ends.
+        let (begin, end) = (between(T::zero())?, self.now.pose);
         // Predicted as if the way took a second.
         let linear_m_s = end.position_m() - begin.position_m();
         let twist = Twist { linear_m_s, angular_rad_s: begin.turned_to(&end) };

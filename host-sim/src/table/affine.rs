@@ -1,12 +1,19 @@
 //! What rows of the equations are over a patch, as affine functions of the pose: see [`proof`](super::proof).
 
 use cdpr_core::table::COORDINATES;
-use nalgebra::Vector6;
+use nalgebra::{SMatrix, Vector6};
 
 use super::patch::Patch;
 use super::place::Point;
 use super::sums::UPWARDS;
 use crate::interval::Interval;
+
+/// `|a| + |b| + ...`, element by element.
+pub(super) fn sum_of_sizes<const R: usize, const C: usize>(
+    all: &[SMatrix<f64, R, C>],
+) -> SMatrix<f64, R, C> {
+    all.iter().fold(SMatrix::zeros(), |sum, next| sum + next.abs())
+}
 
 /// Rows over a patch, as affine functions of the pose and of where on a piece the eliminated cable is.
 #[derive(Clone, Copy)]
@@ -74,7 +81,6 @@ impl Affine {
 
     /// How large they are at most.
     pub(super) fn most(&self) -> Vector6<f64> {
-        let along = self.along.iter().fold(Vector6::zeros(), |sum, along| sum + along.abs());
-        (self.middle.abs() + along + self.open) * UPWARDS
+        (self.middle.abs() + sum_of_sizes(&self.along) + self.open) * UPWARDS
     }
 }

@@ -7,13 +7,14 @@
 //!
 //! `survey` (where the sheet is, roughly), `outlook` (what is worth a proof), `border` (where folds are) and `proof` (of a
 //! box of poses, in intervals: `place`, what is before a plane `patch`, force curves `curve`, what they sum to `sums`, as
-//! functions of the pose `affine`, what a step makes of that `equations`) →
+//! functions of the pose `affine`, the matrix `columns`, what a step makes of that `equations`) →
 //! `cells` (of one tile) → `journal` → `links` (of all cells) → `prune` (to so many bytes) → `file` (the bytes) →
 //! `verify` (against the complete search).
 
 mod affine;
 mod border;
 mod cells;
+mod columns;
 mod curve;
 mod equations;
 mod file;

@@ -108,8 +108,9 @@ use nalgebra::{Matrix6, Vector2, Vector6};
 use num_traits::{One, Zero};
 
 use super::Model;
+use super::columns::{Across, Columns};
 use super::curve::{Curves, Heading, Reach, across, size};
-use super::equations::{Across, Arithmetic, Columns, Equations, Errors};
+use super::equations::{Arithmetic, Equations, Errors};
 use super::patch::Patch;
 use super::place::{Likeness, Point, Sight, largest, pose};
 use super::sums::{Course, Inverse, Sums, UPWARDS, View};
