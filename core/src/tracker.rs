@@ -24,6 +24,15 @@ pub struct Twist<T: Scalar> {
     pub angular_rad_s: Vector3<T>,
 }
 
+impl<T: Scalar> Twist<T> {
+    /// That of a platform that stands.
+    #[must_use]
+    pub fn none() -> Self {
+        let still = Vector3::new(T::zero(), T::zero(), T::zero());
+        Self { linear_m_s: still, angular_rad_s: still }
+    }
+}
+
 /// Where the platform should be, and how fast it should move there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetPoint<T: Scalar> {
@@ -579,6 +588,14 @@ impl<T: Real> Linear<T> {
 }
 
 impl<T: Real> Command<T> {
+    /// How the cables hang.
+    #[must_use]
+    pub fn states(&self) -> [CableState<T>; CABLES] {
+        self.cables
+            .each_ref()
+            .map(|cable| CableState { force_n: cable.force_n, rest_length_m: cable.rest_length_m })
+    }
+
     /// Takes over what was found of the cables, going back along the curves at `back_n_s`.
     #[inline]
     fn take(&mut self, linear: &[Linear<T>; CABLES], back_n_s: &[T; CABLES]) {

@@ -124,7 +124,7 @@ pub fn tracker(bytes: &[u8]) {
     let Ok(robot) = robot::crane::<f32>() else { unreachable!("constants") };
     let home = robot::start_position_m::<f32>();
     let set_point = |pose, twist| SetPoint { pose, twist };
-    let still = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+    let still = Twist::none();
     let Ok(pose) = Pose::new(home, UnitQuaternion::identity()) else { unreachable!("constants") };
     let payload = &TAUT.payload;
     let states = robot::start_states(payload);
@@ -333,7 +333,7 @@ fn look_up(table: &Table<'_>, bytes: &[u8]) {
                 ));
             }
         }
-        let twist = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+        let twist = Twist::none();
         let settings = robot::settings();
         let set_point = SetPoint { pose, twist };
         if let Some(at) = coordinates(&pose)

@@ -539,7 +539,7 @@ fn every_fault_has_its_cause_and_changes_nothing() {
     let still = |x_m: f64| SetPoint {
         pose: Pose::new(Vector3::new(2.0 + x_m, 7.0, 2.5), UnitQuaternion::identity())
             .expect("a pose"),
-        twist: Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() },
+        twist: Twist::none(),
     };
     let mut tracker = start(&|_| {}).expect("a start");
 

@@ -52,12 +52,12 @@ pub use path::Halt;
 pub use settings::{ControllerSettings, SettingFault, StartFault};
 pub use state::{Cause, Outputs, Readings, Refusal, State, WinchTarget};
 
-use self::motion::{at_rest, smooth_step, whole_ticks};
+use self::motion::{smooth_step, whole_ticks};
 use self::outlook::Outlook;
 use self::path::{Clock, Path, Progress};
 use crate::{
     CABLES, CableState, Charted, Fault, Load, Real, Remedy, Robot, Scalar, SetPoint, ShapedCable,
-    Table, Tracker, TrackerSettings,
+    Table, Tracker, TrackerSettings, Twist,
 };
 
 /// Way-points from an interrupt, room for `N - 1`.
@@ -439,7 +439,7 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
         let (limits, clock) = (&self.settings.motion, self.clock());
         let outcome = match &mut self.path {
             Some(path) => path.offer(way_point, limits, &clock),
-            None => Motion::new(&self.stance, &at_rest(), &way_point, limits, clock.period_s)
+            None => Motion::new(&self.stance, &Twist::none(), &way_point, limits, clock.period_s)
                 .map(|motion| self.path = Some(Path::new(motion, &clock))),
         };
         match outcome {
@@ -591,7 +591,7 @@ impl<T: Real, M: ShapedCable<T>, const EVENTS: usize> Controller<T, M, EVENTS> {
 
 /// The set-point of a platform that stands.
 fn resting_at<T: Real>(stance: &Stance<T>) -> Result<SetPoint<T>, Fault<T>> {
-    Ok(SetPoint { pose: stance.pose().map_err(Fault::Geometry)?, twist: at_rest() })
+    Ok(SetPoint { pose: stance.pose().map_err(Fault::Geometry)?, twist: Twist::none() })
 }
 
 fn still<T: Scalar>(rest_lengths_m: &[T; CABLES]) -> [WinchTarget<T>; CABLES] {

@@ -74,7 +74,7 @@ pub struct WayPoint<T: Scalar> {
 impl<T: Real> WayPoint<T> {
     /// A way-point to stop at.
     pub fn stop(stance: Stance<T>, pace: Pace<T>) -> Self {
-        Self { stance, twist: at_rest(), pace }
+        Self { stance, twist: Twist::none(), pace }
     }
 }
 
@@ -448,10 +448,6 @@ fn is_zero<T: Real, const D: usize>(a: &SVector<T, D>) -> bool {
     a.iter().all(T::is_zero)
 }
 
-pub(super) fn at_rest<T: Real>() -> Twist<T> {
-    Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() }
-}
-
 /// False for NaN and infinities.
 pub(super) fn is_positive<T: Real>(x: T) -> bool {
     x > T::zero() && x <= T::HUGE
@@ -557,7 +553,7 @@ pub(super) mod tests {
             Motion::new(&start, &velocity, &end, &limits(), PERIOD_S).unwrap(),
             Motion::new(
                 &stance([1.0, 2.0, 3.0], [0.0; 3]),
-                &at_rest(),
+                &Twist::none(),
                 &WayPoint::stop(quarter_turn, Pace::Share(1.0)),
                 &limits(),
                 PERIOD_S,
@@ -651,7 +647,7 @@ pub(super) mod tests {
         let start = stance([0.0; 3], [0.0; 3]);
         let end = WayPoint::stop(stance([0.0, 0.6, 0.8], [0.0; 3]), Pace::Share(0.5));
         let duration = |limits: MotionLimits<f64>| {
-            f64::from(Motion::new(&start, &at_rest(), &end, &limits, PERIOD_S).unwrap().ticks())
+            f64::from(Motion::new(&start, &Twist::none(), &end, &limits, PERIOD_S).unwrap().ticks())
                 * PERIOD_S
         };
         let high = MotionLimits {
@@ -693,7 +689,7 @@ pub(super) mod tests {
             }
         }
         let (_, at_end) = second.at(1.0);
-        assert_eq!(at_end, at_rest());
+        assert_eq!(at_end, Twist::none());
         assert!(!second.passes_through() && first.passes_through());
     }
 
@@ -702,7 +698,7 @@ pub(super) mod tests {
         let start = stance([0.0; 3], [0.0; 3]);
         let to = |angle: f64| WayPoint::stop(stance([0.0; 3], [0.0, 0.0, angle]), Pace::Share(1.0));
         let motion =
-            |end: &WayPoint<f64>| Motion::new(&start, &at_rest(), end, &limits(), PERIOD_S);
+            |end: &WayPoint<f64>| Motion::new(&start, &Twist::none(), end, &limits(), PERIOD_S);
         assert!(motion(&to(core::f64::consts::FRAC_PI_2)).is_ok());
         assert_eq!(motion(&to(1.571)), Err(MotionFault::TurnsTooFar));
         assert_eq!(motion(&to(3.0)), Err(MotionFault::TurnsTooFar));
@@ -724,7 +720,7 @@ pub(super) mod tests {
         let start = stance([0.0; 3], [0.0; 3]);
         let good = WayPoint::stop(stance([0.1, 0.0, 0.0], [0.0; 3]), Pace::Duration(2.0));
         let motion =
-            |end: &WayPoint<f64>| Motion::new(&start, &at_rest(), end, &limits(), PERIOD_S);
+            |end: &WayPoint<f64>| Motion::new(&start, &Twist::none(), end, &limits(), PERIOD_S);
         assert!(motion(&good).is_ok());
         for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e200] {
             let mut end = good;

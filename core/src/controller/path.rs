@@ -210,8 +210,8 @@ mod tests {
 
     use super::*;
     use crate::Twist;
+    use crate::controller::motion::Pace;
     use crate::controller::motion::tests::limits;
-    use crate::controller::motion::{Pace, at_rest};
 
     const CLOCK: Clock<f64> = Clock { period_s: 1e-3, halt_ticks: 100 };
 
@@ -220,7 +220,7 @@ mod tests {
     }
 
     fn along_x(speed_m_s: f64) -> Twist<f64> {
-        Twist { linear_m_s: Vector3::new(speed_m_s, 0.0, 0.0), ..at_rest() }
+        Twist { linear_m_s: Vector3::new(speed_m_s, 0.0, 0.0), ..Twist::none() }
     }
 
     fn way_point(x_m: f64, speed_m_s: f64, duration_s: f64) -> WayPoint<f64> {
@@ -237,7 +237,7 @@ mod tests {
 
     impl Walk {
         fn new(first: &WayPoint<f64>) -> Self {
-            let motion = Motion::new(&at(0.0), &at_rest(), first, &limits(), 1e-3).unwrap();
+            let motion = Motion::new(&at(0.0), &Twist::none(), first, &limits(), 1e-3).unwrap();
             Self {
                 path: Path::new(motion, &CLOCK),
                 stance: at(0.0),

@@ -693,7 +693,7 @@ fn way_points() -> impl Strategy<Value = WayPoint<f32>> {
                 position_m: home().position_m + offset,
                 orientation: UnitQuaternion::new_unchecked(q / q.norm()),
             };
-            let twist = if still { at_rest() } else { Twist { linear_m_s, angular_rad_s } };
+            let twist = if still { Twist::none() } else { Twist { linear_m_s, angular_rad_s } };
             WayPoint { stance, twist, pace }
         },
     )

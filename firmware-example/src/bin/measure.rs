@@ -32,7 +32,7 @@ mod image {
     use cdpr_firmware_example::{Float, stack};
     use cdpr_link::station::WAY_PARTS;
     use defmt::{Display2Format, error, info};
-    use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+    use nalgebra::{Quaternion, UnitQuaternion};
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
@@ -100,7 +100,7 @@ mod image {
         info!("table: open: {=u32} {=str}", cost, COST_UNIT);
         let robot = robot::crane::<Float>().map_err(Fault::Geometry)?;
         let load = robot::load(&path::TAUT.payload);
-        let still = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
+        let still = Twist::none();
         let (mut seeds, mut states, mut starts) = (0, 0, 0);
         let (mut deepest, mut covered, mut started) = (0, 0, 0);
         for number in 1..=TABLE_POSES {

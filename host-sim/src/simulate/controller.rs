@@ -6,7 +6,6 @@ use cdpr_core::{
 };
 use cdpr_link::station::{Blueprint, StationFault, WAY_PARTS};
 use cdpr_link::{Decision, Inputs, Start, Station};
-use nalgebra::Vector3;
 
 use super::trajectory::Trajectory;
 use crate::choice::{Choice, ChoiceError, choose};
@@ -81,8 +80,7 @@ impl Beginning {
         let blueprint = blueprint::<f64>(robot).map_err(BeginError::Robot)?;
         let pose = Pose::new(stance.position_m, stance.orientation).map_err(BeginError::Robot)?;
         let states = if let Some(table) = table {
-            let still = Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() };
-            let set_point = SetPoint { pose, twist: still };
+            let set_point = SetPoint { pose, twist: Twist::none() };
             let tracker = Tracker::start_from(
                 blueprint.robot,
                 blueprint.load,
@@ -92,10 +90,7 @@ impl Beginning {
                 WAY_PARTS,
             )
             .map_err(|fault| BeginError::Start(fault.to_string()))?;
-            tracker.command().cables.map(|cable| CableState {
-                force_n: cable.force_n,
-                rest_length_m: cable.rest_length_m,
-            })
+            tracker.command().states()
         } else {
             let request = Request {
                 robot: robot.clone(),

@@ -205,10 +205,7 @@ impl Trajectory {
     fn end(&self, is_last: bool) -> Point {
         let knot = &self.knots[if is_last { self.knots.len() - 1 } else { 0 }];
         let orientation = UnitQuaternion::from_quaternion(quaternion(&knot.quaternion));
-        Point {
-            stance: Stance { position_m: knot.position_m, orientation },
-            twist: Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() },
-        }
+        Point { stance: Stance { position_m: knot.position_m, orientation }, twist: Twist::none() }
     }
 
     /// The way-point at `time_s` for a trajectory whose time goes at `rate` there, to be reached in `duration_s`.

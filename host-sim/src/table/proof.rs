@@ -74,7 +74,8 @@
 //!
 //! So rows are `r = c + m d + o` and the matrix is `K = T d + s`, with how far the pose `d` is aside, from -1 to 1 in each
 //! coordinate (rows have a seventh: where on the piece `q` is), and with small `o` and `s` of which only bounds are known.
-//! (Rows and matrix are multiplied once more, so that `K` is zero in the middle.) What becomes of them as the others follow is a series,
+//! (Rows and matrix are multiplied once more, so that `K` is zero in the middle.) What becomes of them as the others follow
+//! is a series,
 //!
 //! ```text
 //! u = r - K u = c + (m - T c) d - T (m - T c) d d + (1 - T d) o + T d T d (m d + o) - (1 - T d) s u - T d T d K u

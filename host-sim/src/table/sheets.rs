@@ -354,10 +354,7 @@ impl Walker {
         for tick in 1..=ticks {
             tracker.tick(&at(tick)?)?;
         }
-        Ok(tracker
-            .command()
-            .cables
-            .map(|cable| CableState { force_n: cable.force_n, rest_length_m: cable.rest_length_m }))
+        Ok(tracker.command().states())
     }
 }
 

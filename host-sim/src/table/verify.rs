@@ -4,10 +4,9 @@ use cdpr_core::chart::{ChartStep, Charted as _, Start};
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{TOLERANCE, Table, TableFault};
 use cdpr_core::{
-    CABLES, CableLimits as WinchLimits, CableState, Command, Load, Pose, Real, Robot, SetPoint,
-    Tracker, TrackerSettings, Twist,
+    CABLES, CableLimits as WinchLimits, CableState, IrvineCatenary, Load, Pose, Real, Robot,
+    SetPoint, Tracker, TrackerSettings, Twist,
 };
-use nalgebra::Vector3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt as _, SeedableRng as _};
 use rayon::prelude::*;
@@ -135,33 +134,47 @@ pub fn verify(
             })
         })
         .collect();
-    let all = places.par_iter().map(|at| match precision {
-        Precision::F32 => check.at::<f32>(at),
-        Precision::F64 => check.at::<f64>(at),
-    });
-    Ok(all.reduce(Verification::default, Verification::add))
+    match precision {
+        Precision::F32 => check.all::<f32>(&places),
+        Precision::F64 => check.all::<f64>(&places),
+    }
 }
 
 type States<T> = [CableState<T>; CABLES];
 
 impl Check<'_> {
-    fn at<T: Real + Into<f64>>(&self, at: &Point) -> Verification {
+    fn all<T: Real + Into<f64> + Sync>(
+        &self,
+        places: &[Point],
+    ) -> Result<Verification, TableFault> {
+        let controller = rounded::<T>(&self.robot, &self.load);
+        let controller = controller.map_err(|_| TableFault::Malformed)?;
+        let all = places.par_iter().map(|at| self.at(&controller, at));
+        Ok(all.reduce(Verification::default, Verification::add))
+    }
+
+    /// At a pose, with robot and load as a controller has them.
+    fn at<T: Real + Into<f64>>(
+        &self,
+        controller: &(Robot<T, IrvineCatenary<T>>, Load<T>),
+        at: &Point,
+    ) -> Verification {
         let none = Verification { poses: 1, ..Verification::default() };
         let Ok(exact) = pose(at) else { return none };
-        let rounded = rounded::<T>(&self.robot, &self.load);
-        let (Ok((robot, load)), Ok(pose)) = (rounded, pose(at)) else { return none };
-        let set_point = still(pose);
+        let Ok(pose) = pose(at) else { return none };
+        let set_point = SetPoint { pose, twist: Twist::none() };
+        let (robot, load) = controller;
         let start = |way_parts: u16| {
-            Tracker::start_from(robot, load, unlimited(), &set_point, self.table, way_parts)
+            Tracker::start_from(*robot, *load, unlimited(), &set_point, self.table, way_parts)
         };
-        match self.table.states(&robot, &load, &pose) {
+        match self.table.states(robot, load, &pose) {
             Ok(states) => {
                 let uncertified = usize::from(start(0).is_err());
                 Verification { covered: self.led(&exact, &wide(states)), uncertified, ..none }
             }
             Err(TableFault::OutsideRegion | TableFault::Uncovered(_)) if self.way_parts > 0 => {
                 if let Ok(tracker) = start(self.way_parts) {
-                    let states = wide(states_of(tracker.command()));
+                    let states = wide(tracker.command().states());
                     return Verification { by_way: self.led(&exact, &states), ..none };
                 }
                 match self.has_solution(at, &exact) {
@@ -250,17 +263,6 @@ fn wide<T: Real + Into<f64>>(states: States<T>) -> States<f64> {
         force_n: state.force_n.map(Into::into),
         rest_length_m: state.rest_length_m.into(),
     })
-}
-
-fn states_of<T: Real>(command: &Command<T>) -> States<T> {
-    command
-        .cables
-        .map(|cable| CableState { force_n: cable.force_n, rest_length_m: cable.rest_length_m })
-}
-
-fn still<T: Real>(pose: Pose<T>) -> SetPoint<T> {
-    let none = Vector3::from_element(T::zero());
-    SetPoint { pose, twist: Twist { linear_m_s: none, angular_rad_s: none } }
 }
 
 /// Settings of a tracker that refuses only what it cannot prove.

@@ -370,10 +370,7 @@ fn unlimited<T: Real>() -> TrackerSettings<T> {
 }
 
 fn still<T: Real>(pose: Pose<T>) -> SetPoint<T> {
-    SetPoint {
-        pose,
-        twist: Twist { linear_m_s: Vector3::zeros(), angular_rad_s: Vector3::zeros() },
-    }
+    SetPoint { pose, twist: Twist::none() }
 }
 
 #[test]

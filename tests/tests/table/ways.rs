@@ -1,7 +1,7 @@
 //! Starts at poses that a table does not cover: the nearest one that it does, and the way from there.
 
 use cdpr_core::table::{COORDINATES, Table, TableFault, pose};
-use cdpr_core::{CABLES, CableState, Command, Fault, Real, SetPoint, Tracker, TrackerSettings};
+use cdpr_core::{CABLES, CableState, Fault, SetPoint, Tracker, TrackerSettings};
 use cdpr_firmware_example::robot as firmware;
 use cdpr_tests::{random, random_tests};
 use rand::{RngExt as _, rngs::ChaCha8Rng};
@@ -21,12 +21,6 @@ const INSIDE: f64 = 1.0 / 8.0;
 /// condition of a posture near a bend makes of one; and what Newton's method leaves in f64, squared at each step.
 const SINGLE: f64 = 1e-4;
 const DOUBLE: f64 = 1e-9;
-
-fn states<T: Real>(command: &Command<T>) -> [CableState<T>; CABLES] {
-    command
-        .cables
-        .map(|cable| CableState { force_n: cable.force_n, rest_length_m: cable.rest_length_m })
-}
 
 /// Held against all leaves of the tree, by a reader of its own.
 fn check_nearest(reader: &Reader<'_>, at: &Place, arm_m: f64) -> f64 {
@@ -171,7 +165,7 @@ fn a_way_leads_to_the_proven_solution_of_the_branch() {
                 ));
             }
             count = count.add(match by_way {
-                Ok(tracker) => examine(&wide(&states(tracker.command())), &place, SINGLE),
+                Ok(tracker) => examine(&wide(&tracker.command().states()), &place, SINGLE),
                 Err(Fault::Table(_) | Fault::NotCertified { .. }) => refused,
                 Err(fault) => panic!("{at:?}: {fault}"),
             });
@@ -179,7 +173,7 @@ fn a_way_leads_to_the_proven_solution_of_the_branch() {
             let by_way =
                 Tracker::start_from(robot, load, unlimited(), &still(double), &table, MANY);
             count.add(match by_way {
-                Ok(tracker) => examine(&states(tracker.command()), &place, DOUBLE),
+                Ok(tracker) => examine(&tracker.command().states(), &place, DOUBLE),
                 Err(Fault::Table(_)) => refused,
                 Err(fault) => panic!("{at:?}: {fault}"),
             })
@@ -232,7 +226,7 @@ fn a_way_takes_its_parts_and_ends_within_limits() {
     moving.twist.linear_m_s.x = 0.5;
     moving.twist.angular_rad_s.z = 0.1;
     let by_way = start(firmware::settings(), &moving, enough).expect("within all limits");
-    let known = states(by_way.command());
+    let known = by_way.command().states();
     let at_once =
         Tracker::start(robot, load, firmware::settings(), &moving, &known).expect("a start");
     for (a, b) in by_way.command().cables.iter().zip(&at_once.command().cables) {
