@@ -179,6 +179,16 @@ fn a_table_leads_to_the_solution_or_is_refused() {
         let refused = start_at(asked, &SET_POINT, bad, 200).1;
         assert_eq!((refused.code, refused.remedy), (Code::BadTable, Remedy::ReplaceTable));
     }
+    // A number of bytes that no array has is refused before one of them is read.
+    let mut tracker = TrackerF64 { words: [0; CDPR_F64_TRACKER_WORDS] };
+    // SAFETY: all pointers are of references, and the last of them is read no further than a slice may reach.
+    let status = unsafe {
+        let (tracker, settings, there) =
+            (&raw mut tracker, &raw const SETTINGS, &raw const SET_POINT);
+        let bytes = table.as_ptr();
+        cdpr_f64_start_from_table(tracker, &robot, &LOAD, settings, there, bytes, usize::MAX, 200)
+    };
+    assert_eq!((status.code, status.remedy), (Code::BadTable, Remedy::ReplaceTable));
     let mut heavier = robot;
     heavier.cables[4].weight_n_m *= 1.01;
     let refused = start_at((&heavier, &LOAD), &SET_POINT, table, 0).1;

@@ -248,6 +248,40 @@ fn a_way_takes_its_parts_and_ends_within_limits() {
     assert!(matches!(refused, Some(Fault::JumpingSetPoint { .. })), "{refused:?}");
 }
 
+/// Turned about any axis by 0.15 rad, from a table that ends at a degree.
+#[test]
+fn a_way_turns_in_parts_and_ends_at_rotations() {
+    let (table, (robot, load)) = (table(), exact_crane());
+    let mut count = Count::default();
+    for case in 0..40 {
+        let mut rng = random::numbers(case);
+        let axis: [f64; 3] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
+        let norm = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut at = START;
+        for (turn, x) in at[3..].iter_mut().zip(axis) {
+            *turn = 0.15 * x / norm;
+        }
+        let (_, pose, place) = poses(&at);
+        let start =
+            |parts| Tracker::start_from(robot, load, unlimited(), &still(pose), &table, parts);
+        count = count.add(match start(MANY) {
+            Ok(tracker) => {
+                assert_eq!(tracker.pose(), &pose);
+                examine(&tracker.command().states(), &place, DOUBLE)
+            }
+            // With a fold on the way.
+            Err(fault) => {
+                assert_eq!(fault, Fault::Table(TableFault::OutsideRegion), "{at:?}");
+                Count { refused: 1, ..Count::default() }
+            }
+        });
+        // No part turns further than a sixteenth of a radian.
+        assert!(start(2).is_err(), "{at:?}");
+    }
+    println!("{count:?}"); // shown by --nocapture
+    assert!(count.reached > 30 && count.undecided == 0 && count.lost < 4, "{count:?}");
+}
+
 /// Trees that no builder writes, in the bytes of a table that is sound otherwise.
 #[test]
 fn no_tree_leads_a_search_astray() {
