@@ -125,28 +125,35 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         Ok(tracker)
     }
 
-    /// Makes steps where it is until they are as small as rounding, and the last one for a purpose.
+    /// Makes steps where it is until one that is as small as rounding is proven, and then one for a purpose, which is.
     fn settle(&mut self, set_point: &SetPoint<T>, purpose: Purpose) -> Result<(), Fault<T>> {
         let mut contraction = T::HUGE;
+        let settled = T::constant(START_STEP) * T::EPSILON;
         for _ in 0..START_STEPS {
-            // The steps follow each other without prediction, and nothing was known before.
+            // The steps follow each other without prediction.
             for cable in &mut self.now.command.cables {
                 cable.rest_length_rate_m_s = T::zero();
                 cable.force_rate_n_s = Vector2::new(T::zero(), T::zero());
             }
-            self.now.command.certificate.existence_radius_n = T::zero();
-            let settled = T::constant(START_STEP) * T::EPSILON;
-            match self.stay(set_point, Purpose::Start) {
-                Ok((step_n, tensions_n)) if step_n <= settled * tensions_n => {
-                    self.stay(set_point, purpose).map_err(Refusal::fault)?;
-                    return Ok(());
+            self.forget();
+            let (step_n, tensions_n) =
+                self.stay(set_point, Purpose::Start).map_err(Refusal::fault)?;
+            if step_n <= settled * tensions_n {
+                self.forget();
+                match self.stay(set_point, purpose) {
+                    Ok(_) => return Ok(()),
+                    // A smaller step may be proven.
+                    Err(Refusal::Unproven { contraction: found }) => contraction = found,
+                    Err(Refusal::Fault(fault)) => return Err(fault),
                 }
-                Ok(_) => {}
-                Err(Refusal::Unproven { contraction: found }) => contraction = found,
-                Err(Refusal::Fault(fault)) => return Err(fault),
             }
         }
         Err(Fault::NotCertified { contraction })
+    }
+
+    /// What is proven at a start is not about a solution that was known before.
+    fn forget(&mut self) {
+        self.now.command.certificate.existence_radius_n = T::zero();
     }
 
     /// A step where it is.
