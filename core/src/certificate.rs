@@ -12,17 +12,21 @@
 //! Phi_s(p) = wrench(s) + sum_i G_i^s F_i^s(p_i),      A = (columns G_i^1 t_i)^-1
 //! ```
 //!
+//! A way `p` is measured by the wrench that makes it: `|p| = max |p_i|/a_i`, where the gain `a_i` of a cable is the norm
+//! of row `i` of `A`, so that `|A w| <= |w|_2` for every wrench `w`. Of what rounding leaves of the balance a cable with a
+//! small gain feels little, however much the others do, and where it bends matters as little.
+//!
 //! # Theorem
 //!
 //! (Banach, with a parameter.) Let `c(s)` go straight from the last solution to 0. Let `|A Phi_s(c(s))| <=
 //! eta` and, for all `|p - c(s)| <= 2 eta`, `|A Phi_s'(p) - I| <= k <= 1/2`, for all `s`. Then for every `s`
 //! there is exactly one solution in that ball, which depends continuously on `s`; at `s = 0` it is the
-//! last solution, if that is known to be in its ball: the two ends belong to one branch. Norms are
-//! Euclidean; `|A|` is the Frobenius norm.
+//! last solution, if that is known to be in its ball: the two ends belong to one branch.
 //!
 //! # Bounds
 //!
-//! `Phi` is separable: column `i` of `Phi_s'` is the wrench of one unit tangent. It changes because the
+//! `Phi` is separable: column `i` of `Phi_s'` is the wrench of one unit tangent. If these change by `c_i` at most, then
+//! `|A Phi_s' - I| <= sum a_i c_i`. It changes because the
 //! tangent turns along its curve (curvature times `p`), because the curve moves (turn times the move of
 //! the attachment, in the plane and with the plane), and because the lever arm moves. With a lever arm
 //! below 1 (moments are over the largest one) a unit force has a wrench of at most `sqrt 2`. How much a
@@ -39,8 +43,8 @@ use core::f64::consts::SQRT_2;
 use nalgebra::Vector2;
 
 use crate::{
-    CableModel, CablePlane, CurvePoint, IrvineCatenary, LinearElastic, NonDeformable, Parabola,
-    Real, Scalar,
+    CABLES, CableModel, CablePlane, CurvePoint, IrvineCatenary, LinearElastic, NonDeformable,
+    Parabola, Real, Scalar,
 };
 
 /// Numbers without dimension that bound how the force curve of a cable model bends, and how it moves
@@ -68,7 +72,8 @@ pub struct CurveShape {
 ///
 /// # Contract
 /// The bounds of [`CurveShape`] hold; the force at the anchor changes by at most 3/2 of what the
-/// force at the attachment does along the curve, and by `n + w` per metre that the end moves.
+/// force at the attachment does along the curve, and by `n + w` per metre that the end moves; and `n` is at most the sum of
+/// the two numbers in [`CurvePoint::normal_force_by_end_n_m`], without their signs.
 pub trait ShapedCable<T: Scalar>: CableModel<T> {
     /// The bounds.
     const SHAPE: CurveShape;
@@ -104,18 +109,17 @@ impl<T: Scalar> ShapedCable<T> for NonDeformable {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Certificate<T> {
-    /// Kantorovich's `h = |A| omega eta`: the norm of the inverse derivative, the change of the
-    /// derivative per newton over the whole ball, and the largest Newton step of all poses in between.
-    /// At most 1/4.
+    /// Kantorovich's `h = omega eta`: the change of the derivative, multiplied by its inverse, per newton of wrench over
+    /// the whole ball, and the largest Newton step of all poses in between. At most 1/4.
     pub h: T,
     /// Contraction of the simplified Newton's method over the ball and over all poses since the last
     /// command: at most 0.45.
     pub contraction: T,
-    /// There is a solution within this distance of the command, in newtons along the six force
-    /// curves (2-norm). Rounding is in it, and nearly all of it.
-    pub existence_radius_n: T,
-    /// And no other within this.
-    pub uniqueness_radius_n: T,
+    /// There is a solution at which no cable's force is further from the command than this, N along its force curve.
+    /// Rounding is in it, and nearly all of it.
+    pub existence_n: [T; CABLES],
+    /// And no other at which none is further than so many times that.
+    pub uniqueness_ratio: T,
 }
 
 impl<T: Real> Move<T> {
@@ -173,10 +177,10 @@ impl<T: Real> Hanging<T> {
 /// Sums over the cables of what may change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Change<T> {
-    /// Square of the change of the matrix per newton, at the new pose, 1/N^2.
-    bend_sq: T,
-    /// Square of its change over the tube and the move.
-    column_sq: T,
+    /// Change of the matrix per newton of wrench, at the new pose, 1/N.
+    bend_per_n: T,
+    /// Its change over the tube and the move.
+    column: T,
     /// Change of the wrench of second order along the tube, N.
     path_n: T,
     /// Change of the wrench of second order over the move, per metre of it, N/m.
@@ -191,8 +195,8 @@ impl<T: Real> Change<T> {
     #[inline]
     pub(crate) fn new() -> Self {
         Self {
-            bend_sq: T::zero(),
-            column_sq: T::zero(),
+            bend_per_n: T::zero(),
+            column: T::zero(),
             path_n: T::zero(),
             second_n: T::zero(),
             gap_n: T::zero(),
@@ -201,7 +205,7 @@ impl<T: Real> Change<T> {
     }
 
     /// Adds a cable, hanging as in `cable` after the Newton step, which has come `along_n` along its
-    /// curve, in a tube of `radius_n`.
+    /// curve, in a tube of `radius_n`, newtons of wrench.
     #[inline]
     #[allow(clippy::too_many_arguments)] // all that is known of a cable
     pub(crate) fn add(
@@ -216,6 +220,7 @@ impl<T: Real> Change<T> {
         moved: &Move<T>,
         along_n: T,
         radius_n: T,
+        gain: T,
     ) {
         let (one, two, moved_m) = (T::one(), T::constant(2.0), moved.attachment_m);
         let tensions_n = cable.tension_n + cable.anchor_tension_n;
@@ -227,11 +232,12 @@ impl<T: Real> Change<T> {
         let response = T::constant(shape.response * RESPONSE_OVER_REGION) * tensions_n / room_m;
         let gap_m = curve.gap_m.x.abs() + curve.gap_m.y.abs();
         let way_m = moved_m + gap_m;
-        let extent = along_n + radius_n;
+        let beside_n = gain * radius_n;
+        let extent = along_n + beside_n;
         // Both end forces stay within this of their places: the tube ends around where the Newton step
         // began, at most half of its radius away.
         let reach = T::constant(1.6) * extent
-            + T::constant(0.5) * radius_n
+            + T::constant(0.5) * beside_n
             + two * (response + weight_n_m) * way_m;
         let beside_m = plane.x_m - two * moved_m; // so that there is room, too
         let hangs = plane.z_m <= T::zero() || weight_n <= T::constant(0.7) * tensions_n;
@@ -256,8 +262,8 @@ impl<T: Real> Change<T> {
         let column = T::constant(SQRT_2) * (turn + with_plane) + moved.lever_arm;
         let bend = T::constant(SQRT_2) * curvature;
         let total = column + bend * extent;
-        self.bend_sq += bend * bend;
-        self.column_sq += total * total;
+        self.bend_per_n += gain * gain * bend;
+        self.column += gain * total;
         self.path_n += along_n * (bend * along_n + two * column);
         // Of second order: the response itself changes, and the plane turns around the anchor.
         let second = T::constant(16.0 / 15.0 * shape.second)
@@ -274,23 +280,21 @@ impl<T: Real> Change<T> {
     #[inline]
     pub(crate) fn certify(
         &self,
+        gains: &[T; CABLES],
         inverse_norm: T,
         newton: &NewtonSize<T>,
-        radius_n: T,
         moved: &Move<T>,
     ) -> Result<Certificate<T>, T> {
-        let (one, two) = (T::one(), T::constant(2.0));
+        let one = T::one();
         // A function lies between its values at the ends of [0, 1] but for an eighth of its second
         // derivative; a linearisation is off by half of it. A unit force has a wrench of sqrt 2.
-        let second_n = inverse_norm
-            * T::constant(0.125)
+        let second_n = T::constant(0.125)
             * (T::constant(SQRT_2) * self.second_n * moved.attachment_m + self.path_n);
-        let gap_n = inverse_norm * T::constant(0.5 * SQRT_2) * self.gap_n;
-        let rounding_n = inverse_norm * newton.rounding_n;
+        let gap_n = T::constant(0.5 * SQRT_2) * self.gap_n;
         let rounded = T::constant(INVERSE_ROUNDING) * T::EPSILON * inverse_norm;
-        let eta = newton.bound_n(rounding_n) + second_n + gap_n;
-        let omega = inverse_norm * self.bend_sq.sqrt();
-        let contraction = inverse_norm * self.column_sq.sqrt() + rounded;
+        let radius_n = newton.radius_n();
+        let eta = newton.bound_n() + second_n + gap_n;
+        let contraction = self.column + rounded;
         // All of it is false for NaN.
         let proven = self.is_trusted
             && eta + eta <= radius_n
@@ -298,46 +302,65 @@ impl<T: Real> Change<T> {
         if !proven {
             return Err(contraction);
         }
-        let known_n = newton.step_n + rounding_n + gap_n;
+        let omega = self.bend_per_n;
+        let known_n = newton.step_n + newton.rounding_n + gap_n;
         let here = omega * (known_n + known_n) + rounded;
+        // For a solution `p*` and the step `p_1`, |p* - p_1| <= here |p*| and what is rounded; `here` is below a half.
+        let existence_n = (here * newton.step_n + newton.rounding_n + gap_n) / (one - here);
+        let uniqueness_n = radius_n - newton.step_n * (one + here);
         Ok(Certificate {
             h: omega * eta,
             contraction,
-            // |p* - p_1| <= here/(1 - here) |p_1|, with `here` below a half.
-            existence_radius_n: two * (here * newton.step_n + rounding_n + gap_n),
-            uniqueness_radius_n: radius_n - newton.step_n * (one + here),
+            existence_n: gains.map(|gain| gain * existence_n),
+            uniqueness_ratio: uniqueness_n / existence_n,
         })
     }
 }
 
-/// The sizes from which the ball of a certificate is made, in newtons along the force curves (2-norm).
+/// The sizes from which the ball of a certificate is made, in newtons of wrench.
 #[allow(clippy::struct_field_names)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct NewtonSize<T> {
     /// The Newton step at the new pose.
     pub(crate) step_n: T,
     /// The way from the last solution along the curves.
-    pub(crate) along_n: T,
+    along_n: T,
     /// What the last solution may be off.
-    pub(crate) known_n: T,
-    /// Rounding of the residual, as a wrench.
-    pub(crate) rounding_n: T,
+    known_n: T,
+    /// Rounding of the residual.
+    rounding_n: T,
 }
 
 impl<T: Real> NewtonSize<T> {
+    /// Before any cable.
+    #[inline]
+    pub(crate) fn new(rounding_n: T) -> Self {
+        Self { step_n: T::zero(), along_n: T::zero(), known_n: T::zero(), rounding_n }
+    }
+
+    /// Adds a cable: its Newton step, its way since the last solution, and what that may be off, N along its curve. What is
+    /// no number may be lost here; no trusted region has it.
+    #[inline]
+    pub(crate) fn add(&mut self, gain: T, back_n: T, along_n: T, known_n: T) {
+        let per_gain = T::one() / gain;
+        self.step_n = self.step_n.max(back_n.abs() * per_gain);
+        self.along_n = self.along_n.max(along_n * per_gain);
+        // The tangent has turned a little since it was found.
+        self.known_n = self.known_n.max(known_n * T::constant(1.25) * per_gain);
+    }
+
     /// Bound on `|A Phi_s|` at both ends of the tube: at the start it is `1 + k` times what the last
     /// solution is off, with `k` below a half.
     #[inline]
-    fn bound_n(&self, rounding_n: T) -> T {
-        (self.step_n + rounding_n).max(self.known_n * T::constant(1.5))
+    fn bound_n(&self) -> T {
+        (self.step_n + self.rounding_n).max(self.known_n * T::constant(1.5))
     }
 
     /// Radius of the tube: twice the bound, an eighth of that, and for what is of second order along the
     /// way, a third of the way.
     #[inline]
-    pub(crate) fn radius_n(&self, inverse_norm: T) -> T {
-        self.bound_n(inverse_norm * self.rounding_n) * T::constant(2.25)
-            + self.along_n * T::constant(0.35)
+    pub(crate) fn radius_n(&self) -> T {
+        self.bound_n() * T::constant(2.25) + self.along_n * T::constant(0.35)
     }
 }
 
@@ -346,8 +369,9 @@ impl<T: Real> NewtonSize<T> {
 const LARGEST_CONTRACTION: f64 = 0.45;
 
 /// Rounding of the matrix of tangent wrenches and of its inverse, times the rounding unit and the
-/// norm of the inverse. Elimination with partial pivoting is off by `6 g |M|` with `|M| <= sqrt 12` and
-/// the growth `g` hardly ever above 8: 166; the tangents by 32 units each: `32 sqrt 12`.
+/// Frobenius norm of the inverse, which the gains have as well: `sum a_i c_i <= |A| |c|`. Elimination with partial pivoting
+/// is off by `6 g |M|` with `|M| <= sqrt 12` and the growth `g` hardly ever above 8: 166; the tangents by 32 units each:
+/// `32 sqrt 12`.
 const INVERSE_ROUNDING: f64 = 300.0;
 
 impl<T: Real> Certificate<T> {
@@ -356,8 +380,8 @@ impl<T: Real> Certificate<T> {
         Self {
             h: T::HUGE,
             contraction: T::HUGE,
-            existence_radius_n: T::HUGE,
-            uniqueness_radius_n: T::zero(),
+            existence_n: [T::HUGE; CABLES],
+            uniqueness_ratio: T::zero(),
         }
     }
 }
@@ -367,11 +391,16 @@ impl<T: Real> Certificate<T> {
 #[inline]
 pub(crate) fn rounding<T: Real>(curve: &CurvePoint<T>, force_n: &Vector2<T>, lengths_m: T) -> T {
     let by_end = &curve.normal_force_by_end_n_m;
-    let force = force_n.x.abs() + force_n.y.abs();
-    T::constant(ROUNDINGS) * (force + (by_end.x.abs() + by_end.y.abs()) * lengths_m)
+    let (force, by_end) = (force_n.x.abs() + force_n.y.abs(), by_end.x.abs() + by_end.y.abs());
+    T::constant(FORCE_ROUNDINGS) * force + T::constant(END_ROUNDINGS) * (by_end * lengths_m)
 }
 
-/// Roundings of a term of the wrench, and of the end of a cable: 1.7 units of the length were the most
-/// that was found for the end-point map, coordinates and lever arms are rounded twice, and products of
-/// them with forces three times.
-const ROUNDINGS: f64 = 4.0;
+/// Of the wrench of a force, with half a unit for each operation, and their worst in each: 5 halves in a force, for its
+/// direction is off by 4; with 5 of the lever arm and 2 of the products 12 in a moment; `sqrt(5^2 + 12^2) = 13`. And 5
+/// in a sum of six wrenches that are up to `sqrt 2` of their forces: 7.
+const FORCE_ROUNDINGS: f64 = 10.0;
+
+/// Of the end of a cable: 1.7 units of its length are the most that was found for the end-point map, and the attachment is
+/// off by a half for each of the two sums that make it, and by the lever arm; each moves a force with a wrench of `sqrt 2`.
+/// Beside its plane a force follows the end by no more than it does in the plane: see the contract of [`ShapedCable`].
+const END_ROUNDINGS: f64 = 3.5;

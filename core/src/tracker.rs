@@ -68,8 +68,8 @@ pub struct TrackerSettings<T: Scalar> {
     pub least_distance: T,
     /// A fold that would be reached sooner than this is refused, s.
     pub fold_horizon_s: T,
-    /// Largest distance from the true solution that is accepted, rounding included, in newtons along
-    /// the force curves: see [`Certificate::existence_radius_n`].
+    /// Largest distance of a cable's force from that of the true solution that is accepted, rounding included, N along its
+    /// force curve: see [`Certificate::existence_n`].
     pub largest_error_n: T,
     /// Limits of the cables.
     pub cables: [CableLimits<T>; CABLES],
@@ -250,7 +250,7 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         let Self { robot, load, settings, now } = self;
         let (pose, twist, arm_m) = (&set_point.pose, &set_point.twist, robot.moment_arm_m());
         let mut sum = statics::wrench_n(robot, load, pose);
-        let (mut closure_m, mut rounding_n, mut along_sq) = (T::zero(), T::zero(), T::zero());
+        let (mut closure_m, mut rounding_n) = (T::zero(), T::zero());
         let size_m = pose.size_m() + arm_m;
         let mut inverse = Square::new([[T::one(); CABLES]; CABLES]);
         let mut linear = [Linear::place(); CABLES];
@@ -264,7 +264,6 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             closure_m = closure_m.max(gap_m);
             rounding_n += rounding(curve, &next.force_n, next.rest_length_m + size_m);
             let along = predicted.x * curve.tangent.x + predicted.y * curve.tangent.y;
-            along_sq += along * along;
             next.along_n = along.abs();
             add(&mut sum, &plane.wrench_n(&next.force_n));
             inverse.columns[i] = plane.wrench_n(&curve.tangent).data.0[0];
@@ -272,17 +271,16 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         if !inverse.invert() {
             return Err(Refusal::Fault(why_singular(&linear)));
         }
-        let inverse_norm = inverse.norm();
+        let gains = inverse.row_norms();
+        let inverse_norm = norm(&gains);
         // Backwards along the curves; how far in all.
         let back_n = inverse.times(&sum);
-        let newton = NewtonSize {
-            step_n: norm(&back_n),
-            along_n: along_sq.sqrt(),
-            // The tangents have turned a little since it was found.
-            known_n: now.command.certificate.existence_radius_n * T::constant(1.25),
-            rounding_n: rounding_n * T::EPSILON,
-        };
-        let radius_n = newton.radius_n(inverse_norm);
+        let mut newton = NewtonSize::new(rounding_n * T::EPSILON);
+        for i in 0..CABLES {
+            let known_n = now.command.certificate.existence_n[i];
+            newton.add(gains[i], back_n[i], linear[i].along_n, known_n);
+        }
+        let radius_n = newton.radius_n();
         let mut change = Change::new();
         let mut tensions_n = T::zero();
         let load_rate =
@@ -308,11 +306,12 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                 moved,
                 *along_n,
                 radius_n,
+                gains[i],
             );
             *end_m_s = add_rate(&mut rate, plane, curve, force_n, twist, arm_m);
         }
         let back_n_s = inverse.times(&rate);
-        let certificate = match change.certify(inverse_norm, &newton, radius_n, moved) {
+        let certificate = match change.certify(&gains, inverse_norm, &newton, moved) {
             Ok(certificate) => certificate,
             Err(contraction) if purpose != Purpose::Start => {
                 return Err(Refusal::Unproven { contraction });
@@ -510,7 +509,8 @@ impl<T: Real> TrackerSettings<T> {
         closure_m: T,
         imbalance_n: T,
     ) -> Result<(), Fault<T>> {
-        if certificate.existence_radius_n <= self.largest_error_n {
+        // False for NaN.
+        if certificate.existence_n.iter().all(|error_n| *error_n <= self.largest_error_n) {
             Ok(())
         } else {
             Err(Fault::ResidualNotMet { closure_m, imbalance_n })

@@ -94,7 +94,7 @@ fn settings(source: &mut Source<'_>) -> TrackerSettings<f32> {
 fn check(command: &Command<f32>, settings: &TrackerSettings<f32>) {
     assert!((1..=MAX_PARTS).contains(&command.parts));
     assert!(command.certificate.contraction <= 0.5 && command.certificate.h <= 0.5);
-    assert!(command.certificate.existence_radius_n <= settings.largest_error_n);
+    assert!(command.certificate.existence_n.iter().all(|n| *n <= settings.largest_error_n));
     for (cable, limits) in command.cables.iter().zip(&settings.cables) {
         let numbers = [
             cable.rest_length_m,

@@ -36,6 +36,8 @@ struct Ratios {
     anchor_along_above: f64,
     /// And when the end moves, over `n + w`.
     anchor_by_end: f64,
+    /// What the force follows the end beside its plane, over what it does in the plane.
+    beside: f64,
 }
 
 impl Ratios {
@@ -48,6 +50,7 @@ impl Ratios {
             anchor_along: self.anchor_along.max(o.anchor_along),
             anchor_along_above: self.anchor_along_above.max(o.anchor_along_above),
             anchor_by_end: self.anchor_by_end.max(o.anchor_by_end),
+            beside: self.beside.max(o.beside),
         }
     }
 }
@@ -125,6 +128,7 @@ fn ratios<M: CableModel<f64>>(model: &M, force_n: Vector2<f64>, length_m: f64) -
         anchor_along: if hangs { along } else { 0.0 },
         anchor_along_above: if hangs { 0.0 } else { along },
         anchor_by_end: norm2(&anchor_by_end) / (swing + weight_n_m),
+        beside: swing / curve.normal_force_by_end_n_m.lp_norm(1),
     })
 }
 
@@ -178,6 +182,7 @@ fn check<M: ShapedCable<f64>>(model: fn(f64, f64) -> M) {
     // The contract of `ShapedCable`.
     assert!(largest.anchor_along.max(largest.anchor_along_above) <= 1.5, "{largest:?}");
     assert!(largest.anchor_by_end <= 1.0, "{largest:?}");
+    assert!(largest.beside <= 1.0 + ERROR, "{largest:?}");
 }
 
 #[test]

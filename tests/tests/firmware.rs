@@ -279,8 +279,12 @@ fn starts_and_restarts<T: Number + Display>() {
 fn measure(machine: &Machine) {
     let log = log(machine.measure);
     let budget = &machine.budget;
-    let code_bytes = image_bytes(machine, "size_tracker") - image_bytes(machine, "size_empty");
-    println!("{log}tracker: {code_bytes} bytes of code and constants"); // shown by --nocapture
+    let [code_bytes, all_bytes] = ["size_tracker", "size_controller"]
+        .map(|bin| image_bytes(machine, bin) - image_bytes(machine, "size_empty"));
+    // Shown by --nocapture.
+    println!(
+        "{log}tracker: {code_bytes} bytes of code and constants; with controller, table and drums {all_bytes}"
+    );
     for path in ["taut path", "slack path"] {
         let instructions = number(&log, &format!("{path}: worst tick:"));
         within(instructions, budget.tick_instructions, path);

@@ -209,7 +209,7 @@ typedef struct {
     float least_distance;
     // A fold that would be reached sooner than this is refused, s: see `CDPR_CODE_FOLD_AHEAD`.
     float fold_horizon_s;
-    // Largest `existence_radius_n` that is accepted, N: rounding leaves about 0.05 in f32 with a load of
+    // Largest `existence_n` of a cable that is accepted, N: rounding leaves about 0.05 in f32 with a load of
     // 70 kg, and 1e-9 in f64.
     float largest_error_n;
     // Limits of the cables.
@@ -265,10 +265,10 @@ typedef struct {
     float h;
     // Contraction over the ball and all poses since the last command: at most 0.45.
     float contraction;
-    // There is a solution within this radius, N along the six force curves (2-norm).
-    float existence_radius_n;
-    // There is no other solution within this radius, N.
-    float uniqueness_radius_n;
+    // There is a solution at which no cable's force is further from the command than this, N along its force curve.
+    float existence_n[CDPR_CABLES];
+    // And no other at which none is further than so many times that.
+    float uniqueness_ratio;
 } cdpr_f32_certificate;
 
 // The outcome of a tick.
@@ -364,7 +364,7 @@ typedef struct {
     double least_distance;
     // A fold that would be reached sooner than this is refused, s: see `CDPR_CODE_FOLD_AHEAD`.
     double fold_horizon_s;
-    // Largest `existence_radius_n` that is accepted, N: rounding leaves about 0.05 in f32 with a load of
+    // Largest `existence_n` of a cable that is accepted, N: rounding leaves about 0.05 in f32 with a load of
     // 70 kg, and 1e-9 in f64.
     double largest_error_n;
     // Limits of the cables.
@@ -420,10 +420,10 @@ typedef struct {
     double h;
     // Contraction over the ball and all poses since the last command: at most 0.45.
     double contraction;
-    // There is a solution within this radius, N along the six force curves (2-norm).
-    double existence_radius_n;
-    // There is no other solution within this radius, N.
-    double uniqueness_radius_n;
+    // There is a solution at which no cable's force is further from the command than this, N along its force curve.
+    double existence_n[CDPR_CABLES];
+    // And no other at which none is further than so many times that.
+    double uniqueness_ratio;
 } cdpr_f64_certificate;
 
 // The outcome of a tick.

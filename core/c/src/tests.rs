@@ -186,7 +186,8 @@ fn a_table_leads_to_the_solution_or_is_refused() {
         let (tracker, settings, there) =
             (&raw mut tracker, &raw const SETTINGS, &raw const SET_POINT);
         let bytes = table.as_ptr();
-        cdpr_f64_start_from_table(tracker, &robot, &LOAD, settings, there, bytes, usize::MAX, 200)
+        let (robot, load) = (&raw const robot, &raw const LOAD);
+        cdpr_f64_start_from_table(tracker, robot, load, settings, there, bytes, usize::MAX, 200)
     };
     assert_eq!((status.code, status.remedy), (Code::BadTable, Remedy::ReplaceTable));
     let mut heavier = robot;

@@ -92,7 +92,7 @@ pub struct Settings<T> {
     pub least_distance: T,
     /// A fold that would be reached sooner than this is refused, s: see `CDPR_CODE_FOLD_AHEAD`.
     pub fold_horizon_s: T,
-    /// Largest `existence_radius_n` that is accepted, N: rounding leaves about 0.05 in f32 with a load of
+    /// Largest `existence_n` of a cable that is accepted, N: rounding leaves about 0.05 in f32 with a load of
     /// 70 kg, and 1e-9 in f64.
     pub largest_error_n: T,
     /// Limits of the cables.
@@ -142,10 +142,10 @@ pub struct Certificate<T> {
     pub h: T,
     /// Contraction over the ball and all poses since the last command: at most 0.45.
     pub contraction: T,
-    /// There is a solution within this radius, N along the six force curves (2-norm).
-    pub existence_radius_n: T,
-    /// There is no other solution within this radius, N.
-    pub uniqueness_radius_n: T,
+    /// There is a solution at which no cable's force is further from the command than this, N along its force curve.
+    pub existence_n: [T; CDPR_CABLES],
+    /// And no other at which none is further than so many times that.
+    pub uniqueness_ratio: T,
 }
 
 /// The outcome of a tick.
@@ -260,8 +260,8 @@ impl<T: Real> From<&cdpr_core::Command<T>> for Command<T> {
             certificate: Certificate {
                 h: certificate.h,
                 contraction: certificate.contraction,
-                existence_radius_n: certificate.existence_radius_n,
-                uniqueness_radius_n: certificate.uniqueness_radius_n,
+                existence_n: certificate.existence_n,
+                uniqueness_ratio: certificate.uniqueness_ratio,
             },
             distance: command.distance,
             closure_m: command.closure_m,

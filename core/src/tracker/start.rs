@@ -153,7 +153,7 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
 
     /// What is proven at a start is not about a solution that was known before.
     fn forget(&mut self) {
-        self.now.command.certificate.existence_radius_n = T::zero();
+        self.now.command.certificate.existence_n = [T::zero(); CABLES];
     }
 
     /// A step where it is.

@@ -270,7 +270,19 @@ mod image {
             "controller: worst tick: {=u32} {=str}, {=u32} ticks of motion",
             worst, COST_UNIT, tracked
         );
-        (tracked > 0).then_some(())
+        // On the way there once more.
+        let mut deepest = 0;
+        for tick in 0..STACK_TICKS {
+            let now = readings(lengths);
+            let way_point = (tick == 0).then_some(WayPoint::stop(goal, Pace::Share(1.0)));
+            let (outputs, bytes) = stack::used_by(|| controller.tick(&now, || way_point));
+            if let Some(targets) = outputs.targets {
+                lengths = targets.map(|target| target.rest_length_m);
+            }
+            deepest = deepest.max(bytes);
+        }
+        info!("controller: stack of a tick: {=usize} bytes", deepest);
+        (tracked > 0 && controller.state() == State::Tracking).then_some(())
     }
 
     /// Painting the stack takes longer than a tick.

@@ -7,27 +7,27 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+#[path = "../hidden.rs"]
+mod hidden;
+
+#[cfg(target_os = "none")]
 mod image {
     use core::hint::black_box;
     use core::num::{NonZeroU8, NonZeroU32};
     use core::panic::PanicInfo;
 
+    use cdpr_core::controller::Controller;
     use cdpr_core::controller::monitor::{MonitorThresholds, TensionMonitor};
-    use cdpr_core::controller::{
-        Controller, ControllerSettings, MotionLimits, Pace, Readings, Stance, WayPoint,
-    };
     use cdpr_core::winch::{
         As5047p, Brake, Countable, Drum, DrumDesign, EmergencyStop, MotorAngle, MotorEncoder,
         Sense, StepCounter, StepDir, StepDrive, StepLink, StepTiming, VelocityDrive,
         VelocitySettings, Winch,
     };
-    use cdpr_core::{
-        CABLES, Cable, CableLimits, CableState, IrvineCatenary, Load, Real, Robot, SetPoint, Table,
-        Tracker, TrackerSettings, Twist,
-    };
+    use cdpr_core::{CABLES, Real, SetPoint, Table, Tracker};
     use embedded_hal::digital::{ErrorKind, ErrorType, InputPin, OutputPin, PinState};
     use embedded_hal::{pwm, spi};
-    use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+
+    use super::hidden::{self, number, readings, stance, way_point};
 
     unsafe extern "C" {
         /// Defined nowhere.
@@ -49,95 +49,18 @@ mod image {
         }
     }
 
-    fn number<T: Real>() -> T {
-        black_box(T::one())
-    }
-
-    fn vector<T: Real>() -> Vector3<T> {
-        Vector3::new(number(), number(), number())
-    }
-
-    fn stance<T: Real>() -> Stance<T> {
-        let q = Quaternion::new(number(), number(), number(), number());
-        Stance { position_m: vector(), orientation: UnitQuaternion::new_unchecked(q) }
-    }
-
-    fn way_point<T: Real>() -> WayPoint<T> {
-        let pace = if black_box(true) { Pace::Duration(number()) } else { Pace::Share(number()) };
-        let twist = Twist { linear_m_s: vector(), angular_rad_s: vector() };
-        WayPoint { stance: stance(), twist, pace }
-    }
-
-    fn readings<T: Real>() -> Readings<T> {
-        black_box(Readings {
-            rest_lengths_m: [(); CABLES].map(|()| number()),
-            failed_winch: black_box(Some(7)),
-            emergency_stop: black_box(false),
-        })
-    }
-
     /// All that can be asked of a controller, several times over.
     fn controller<T: Real>() -> Option<()> {
-        let model = IrvineCatenary { weight_n_m: number(), compliance_per_n: number() };
-        let cables =
-            [(); CABLES].map(|()| Cable { anchor_m: vector(), attachment_m: vector(), model });
-        let robot = told(Robot::new(black_box(cables)))?;
-        let load = Load {
-            mass_kg: number(),
-            center_of_mass_m: vector(),
-            gravity_m_s2: number(),
-            force_n: vector(),
-            moment_nm: vector(),
-        };
-        let limits = CableLimits {
-            shortest_m: number(),
-            longest_m: number(),
-            fastest_m_s: number(),
-            lowest_tension_n: number(),
-            highest_tension_n: number(),
-        };
-        let tracker = TrackerSettings {
-            period_s: number(),
-            largest_move_m: number(),
-            least_distance: number(),
-            fold_horizon_s: number(),
-            largest_error_n: number(),
-            cables: [limits; CABLES],
-        };
-        let settings = black_box(ControllerSettings {
-            motion: MotionLimits {
-                distance_m: number(),
-                speed_m_s: number(),
-                acceleration_m_s2: number(),
-                jerk_m_s3: number(),
-                turn_speed_rad_s: number(),
-                turn_acceleration_rad_s2: number(),
-                turn_jerk_rad_s3: number(),
-            },
-            halt_ticks: black_box(3),
-            stream_ticks: black_box(Some(3)),
-            align_speed_m_s: number(),
-            align_reach_m: number(),
-            align_tolerance_m: number(),
-            settle_ticks: black_box(3),
-            following_m: number(),
-            brake_ticks: black_box(3),
-            brake_after_ticks: black_box(Some(3)),
-        });
-        let states = [(); CABLES].map(|()| CableState {
-            force_n: Vector2::new(number(), number()),
-            rest_length_m: number(),
-        });
+        let (robot, load) = (told(hidden::robot())?, hidden::load());
+        let (tracker, settings) = (hidden::tracker_settings(), hidden::controller_settings());
+        let states = hidden::states();
         let started =
             Controller::<T, _, 8>::start(robot, load, tracker, settings, stance(), &states);
         let mut controller = black_box(told(started)?);
         // Any bytes, any length: a table comes from outside.
         let table = black_box(told(Table::open(black_box::<&[u8]>(&[])))?);
         told(table.check(&robot, &load));
-        let set_point = SetPoint {
-            pose: told(stance().pose())?,
-            twist: Twist { linear_m_s: vector(), angular_rad_s: vector() },
-        };
+        let set_point = SetPoint { pose: told(stance().pose())?, twist: hidden::twist() };
         told(table.start_at(&set_point.pose));
         told(table.states(&robot, &load, &set_point.pose));
         let started = Tracker::start_from(robot, load, tracker, &set_point, &table, black_box(8));

@@ -1,4 +1,4 @@
-//! An image that does nothing: what `size_tracker` is larger by is the tracker.
+//! An image that does nothing: what `size_tracker` is larger by is the tracker, and `size_controller` all of it.
 //!
 //! On any other target this is an empty program.
 
