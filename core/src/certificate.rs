@@ -40,10 +40,10 @@
 
 use core::f64::consts::SQRT_2;
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use crate::{
-    CABLES, CableModel, CablePlane, CurvePoint, IrvineCatenary, LinearElastic, NonDeformable,
+    CABLES, CableModel, CablePlane, CurvePoint, IrvineCatenary, LinearElastic, Load, NonDeformable,
     Parabola, Real, Scalar,
 };
 
@@ -113,10 +113,10 @@ pub struct Certificate<T> {
     /// the whole ball, and the largest Newton step of all poses in between. At most 1/4.
     pub h: T,
     /// Contraction of the simplified Newton's method over the ball and over all poses since the last
-    /// command: at most 0.45.
+    /// command: at most 0.44.
     pub contraction: T,
     /// There is a solution at which no cable's force is further from the command than this, N along its force curve.
-    /// Rounding is in it, and nearly all of it.
+    /// Rounding is in it, and where moves are short and told by the twist nearly all of it.
     pub existence_n: [T; CABLES],
     /// And no other at which none is further than so many times that.
     pub uniqueness_ratio: T,
@@ -181,6 +181,8 @@ pub(crate) struct Change<T> {
     bend_per_n: T,
     /// Its change over the tube and the move.
     column: T,
+    /// Its change by the way back to the curves.
+    turned: T,
     /// Change of the wrench of second order along the tube, N.
     path_n: T,
     /// Change of the wrench of second order over the move, per metre of it, N/m.
@@ -197,6 +199,7 @@ impl<T: Real> Change<T> {
         Self {
             bend_per_n: T::zero(),
             column: T::zero(),
+            turned: T::zero(),
             path_n: T::zero(),
             second_n: T::zero(),
             gap_n: T::zero(),
@@ -234,10 +237,10 @@ impl<T: Real> Change<T> {
         let way_m = moved_m + gap_m;
         let beside_n = gain * radius_n;
         let extent = along_n + beside_n;
-        // Both end forces stay within this of their places: the tube ends around where the Newton step
-        // began, at most half of its radius away.
+        // Both end forces stay within this of their places: that at the anchor changes by 3/2 of what the other does. The
+        // tube ends around where the Newton step began, less than half of its radius away.
         let reach = T::constant(1.6) * extent
-            + T::constant(0.5) * beside_n
+            + T::constant(0.75) * beside_n
             + two * (response + weight_n_m) * way_m;
         let beside_m = plane.x_m - two * moved_m; // so that there is room, too
         let hangs = plane.z_m <= T::zero() || weight_n <= T::constant(0.7) * tensions_n;
@@ -256,7 +259,8 @@ impl<T: Real> Change<T> {
             * (ratio * (ratio + per_tension * T::constant(1.0 / 300.0)))
             * (horizontal_n + reach);
         let swing = response * per_tension;
-        let turn = T::constant(16.0 / 15.0 * shape.turn / shape.response) * swing * way_m;
+        let turn_per_m = T::constant(16.0 / 15.0 * shape.turn / shape.response) * swing;
+        let turn = turn_per_m * way_m;
         let with_plane =
             (curve.tangent.x.abs() + turn + curvature * extent) * (moved_m * per_beside);
         let column = T::constant(SQRT_2) * (turn + with_plane) + moved.lever_arm;
@@ -264,6 +268,7 @@ impl<T: Real> Change<T> {
         let total = column + bend * extent;
         self.bend_per_n += gain * gain * bend;
         self.column += gain * total;
+        self.turned += gain * (turn_per_m * gap_m);
         self.path_n += along_n * (bend * along_n + two * column);
         // Of second order: the response itself changes, and the plane turns around the anchor.
         let second = T::constant(16.0 / 15.0 * shape.second)
@@ -304,7 +309,7 @@ impl<T: Real> Change<T> {
         }
         let omega = self.bend_per_n;
         let known_n = newton.step_n + newton.rounding_n + gap_n;
-        let here = omega * (known_n + known_n) + rounded;
+        let here = omega * (known_n + known_n) + T::constant(SQRT_2) * self.turned + rounded;
         // For a solution `p*` and the step `p_1`, |p* - p_1| <= here |p*| and what is rounded; `here` is below a half.
         let existence_n = (here * newton.step_n + newton.rounding_n + gap_n) / (one - here);
         let uniqueness_n = radius_n - newton.step_n * (one + here);
@@ -345,8 +350,8 @@ impl<T: Real> NewtonSize<T> {
         let per_gain = T::one() / gain;
         self.step_n = self.step_n.max(back_n.abs() * per_gain);
         self.along_n = self.along_n.max(along_n * per_gain);
-        // The tangent has turned a little since it was found.
-        self.known_n = self.known_n.max(known_n * T::constant(1.25) * per_gain);
+        // The tangent has turned since it was found, by 0.44 at most, and what is off across it counts by the sine of that.
+        self.known_n = self.known_n.max(known_n * T::constant(1.45) * per_gain);
     }
 
     /// Bound on `|A Phi_s|` at both ends of the tube: at the start it is `1 + k` times what the last
@@ -364,14 +369,15 @@ impl<T: Real> NewtonSize<T> {
     }
 }
 
-/// The theorem wants one half. The bounds are about angles and arcs; tangents and arcs of the angles up
-/// to this exceed the angles and the chords by less than a tenth.
-const LARGEST_CONTRACTION: f64 = 0.45;
+/// The theorem wants one half. The bounds are about angles and arcs, where the theorem asks for tangents and chords: no
+/// angle is larger than this, as gains are `1/sqrt 2` at least, and `tan(asin 0.44) = 0.4900`.
+const LARGEST_CONTRACTION: f64 = 0.44;
 
 /// Rounding of the matrix of tangent wrenches and of its inverse, times the rounding unit and the
 /// Frobenius norm of the inverse, which the gains have as well: `sum a_i c_i <= |A| |c|`. Elimination with partial pivoting
-/// is off by `6 g |M|` with `|M| <= sqrt 12` and the growth `g` hardly ever above 8: 166; the tangents by 32 units each:
-/// `32 sqrt 12`.
+/// is off by `6 g |M|` with `|M| <= sqrt 12` and the growth `g` hardly ever above 8: 166, of which 8 were found in two
+/// million matrices; the tangents by 32 units each, of which 4.4 were found, so `32 sqrt 12`. (An end that is nearer to
+/// its anchor than a hundredth of its coordinates may turn a tangent further.)
 const INVERSE_ROUNDING: f64 = 300.0;
 
 impl<T: Real> Certificate<T> {
@@ -395,12 +401,25 @@ pub(crate) fn rounding<T: Real>(curve: &CurvePoint<T>, force_n: &Vector2<T>, len
     T::constant(FORCE_ROUNDINGS) * force + T::constant(END_ROUNDINGS) * (by_end * lengths_m)
 }
 
-/// Of the wrench of a force, with half a unit for each operation, and their worst in each: 5 halves in a force, for its
-/// direction is off by 4; with 5 of the lever arm and 2 of the products 12 in a moment; `sqrt(5^2 + 12^2) = 13`. And 5
-/// in a sum of six wrenches that are up to `sqrt 2` of their forces: 7.
-const FORCE_ROUNDINGS: f64 = 10.0;
+/// And of the wrench of the load, which does not depend on the pose.
+pub(crate) fn load_rounding<T: Real>(load: &Load<T>, per_moment_arm_m: T) -> T {
+    let size = |v: &Vector3<T>| v.x.abs() + v.y.abs() + v.z.abs();
+    let weight_n = (load.mass_kg * load.gravity_m_s2).abs();
+    let moment_nm = weight_n * size(&load.center_of_mass_m) + size(&load.moment_nm);
+    T::constant(LOAD_ROUNDINGS)
+        * (weight_n + size(&load.force_n) + T::constant(2.0) * moment_nm * per_moment_arm_m)
+}
 
-/// Of the end of a cable: 1.7 units of its length are the most that was found for the end-point map, and the attachment is
-/// off by a half for each of the two sums that make it, and by the lever arm; each moves a force with a wrench of `sqrt 2`.
-/// Beside its plane a force follows the end by no more than it does in the plane: see the contract of [`ShapedCable`].
+/// Of the wrench of a force, with half a unit for each operation, and their worst in each: 5 halves in a force, for its
+/// direction is off by 4; with 5 of the lever arm and 2 of the products 12 in a moment; `sqrt(5^2 + 12^2) = 13`. And 6
+/// in a sum with that of the load of six wrenches that are up to `sqrt 2` of their forces: 8.5.
+const FORCE_ROUNDINGS: f64 = 11.0;
+
+/// Of the force of the load: 2 halves, and 6 in the sum. Of its moment 10, for its arm is off by 5, and 6: twice as many.
+const LOAD_ROUNDINGS: f64 = 4.0;
+
+/// Of the end of a cable: 1.8 units of its length are the most that was found for the end-point map as it moves the force,
+/// and the attachment is off by a half for each of the two sums that make it, and by the lever arm; each moves a force with
+/// a wrench of `sqrt 2`. Beside its plane a force follows the end by no more than it does in the plane: see the contract of
+/// [`ShapedCable`].
 const END_ROUNDINGS: f64 = 3.5;

@@ -74,7 +74,7 @@ pub enum Fault<T> {
     /// That the solution belongs to the branch could not be proven, not even in the smallest steps.
     /// Go slower, or back.
     NotCertified {
-        /// Contraction that was found; at most 0.45 is needed, and cables that stay near where they are.
+        /// Contraction that was found; at most 0.44 is needed, and cables that stay near where they are.
         contraction: T,
     },
     /// A start was to come from a table, which is not used or has none for the pose.

@@ -127,6 +127,8 @@ pub struct Tracker<T: Real, M> {
     robot: Robot<T, M>,
     load: Load<T>,
     settings: TrackerSettings<T>,
+    /// See [`load_rounding`].
+    load_rounding: T,
     now: Solution<T>,
 }
 
@@ -247,10 +249,10 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         time_s: T,
         purpose: Purpose,
     ) -> Result<(T, T), Refusal<T>> {
-        let Self { robot, load, settings, now } = self;
+        let Self { robot, load, settings, load_rounding, now } = self;
         let (pose, twist, arm_m) = (&set_point.pose, &set_point.twist, robot.moment_arm_m());
         let mut sum = statics::wrench_n(robot, load, pose);
-        let (mut closure_m, mut rounding_n) = (T::zero(), T::zero());
+        let (mut closure_m, mut rounding_n) = (T::zero(), *load_rounding);
         let size_m = pose.size_m() + arm_m;
         let mut inverse = Square::new([[T::one(); CABLES]; CABLES]);
         let mut linear = [Linear::place(); CABLES];
@@ -337,7 +339,10 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
         now.pose = *pose;
         let command = &mut now.command;
         command.certificate = certificate;
-        command.distance = distance;
+        // A fold is sought between two commands.
+        if purpose != Purpose::Part {
+            command.distance = distance;
+        }
         command.closure_m = closure_m;
         command.imbalance_n = imbalance_n;
         command.parts = 1;

@@ -69,7 +69,7 @@ fn ratios<M: CableModel<f64>>(model: &M, force_n: Vector2<f64>, length_m: f64) -
     let anchor_n = Vector2::new(force_n.x, force_n.y - weight_n_m * length_m);
     let sum_n = force_n.norm() + anchor_n.norm();
     let (tension_n, weight_n) = (force_n.norm().min(anchor_n.norm()), weight_n_m * length_m);
-    if z_m > 0.0 && weight_n > 0.7 * sum_n {
+    if z_m > 0.0 && weight_n > 0.75 * sum_n {
         return None;
     }
     let curve = CurvePoint::new(&end, x_m, z_m);
@@ -220,4 +220,5 @@ fn straight_cables_turn_as_much_as_stated() {
     assert_close(shape.turn, largest.turn, "turn");
     assert_close(shape.second, largest.second, "second");
     assert!(largest.anchor_along.max(largest.anchor_along_above) <= 1.0 + ERROR, "{largest:?}");
+    assert!(largest.beside <= 1.0 + ERROR, "{largest:?}");
 }

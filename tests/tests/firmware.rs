@@ -58,7 +58,7 @@ const M4F: Machine = Machine {
     measure: "measure",
     images: M4F_F32,
     budget: Budget {
-        tick_instructions: 5_750,
+        tick_instructions: 5_800,
         tick_stack_bytes: 2 * 1024,
         code_bytes: 24 * 1024,
         ram_bytes: 2 * 1024,

@@ -244,7 +244,7 @@ fn random_tick<T: Tested>(case: u64, count: &mut Count) {
     let all = complete(&problem).expect("limits of tension");
     let existence_n: [f64; CABLES] = command.certificate.existence_n.map(Into::into);
     let ratio: f64 = command.certificate.uniqueness_ratio.into();
-    // (1.25 - 0.4)/(0.8 + 0.25) at worst, by the constants of the certificate.
+    // (1.25 - 0.44)/((0.44 + 0.125)/(1 - 0.44)) at worst, by the constants of the certificate.
     assert!(ratio > 0.8, "case {case}: {ratio}");
     let near = |states: &[_; CABLES]| distances_n(balance, &crane.robot, &found, states);
     // In units of what is certified, the furthest of six.
@@ -304,6 +304,37 @@ fn certified_ticks_are_right_in_f64() {
 #[test]
 fn certified_ticks_are_right_in_f32() {
     random_ticks::<f32>();
+}
+
+/// Starts from beside solutions, at rest: whether one starts may hang on what is proven, but no fold is ahead of it.
+fn starts_at_rest<T: Tested>() -> usize {
+    let settings = TrackerSettings { fold_horizon_s: T::constant(0.5), ..unlimited(0.2) };
+    let start = |case| {
+        let mut rng = random::numbers(case);
+        let (crane, from) = crane(&mut rng);
+        let mut states = crane.solution(&from.pose(), &mut rng)?;
+        let off = 10_f64.powf(rng.random_range(-4.0..-1.5));
+        for state in &mut states {
+            state.force_n.apply(|c| *c *= 1.0 + off * rng.random_range(-1.0..1.0));
+        }
+        let twist =
+            Twist { linear_m_s: vector(Vector3::zeros()), angular_rad_s: vector(Vector3::zeros()) };
+        let set_point = SetPoint { pose: from.pose::<T>(), twist };
+        let robot = crane.robot::<T>();
+        match Tracker::start(robot, crane.load(), settings, &set_point, &typed(&states)) {
+            Ok(_) => Some(()),
+            Err(fault @ Fault::FoldAhead { .. }) => panic!("case {case}: {fault}"),
+            Err(_) => None,
+        }
+    };
+    (0..u64::from(random_tests(1000).cases)).filter_map(start).count()
+}
+
+#[test]
+fn no_fold_is_ahead_of_a_start_at_rest() {
+    let started = [starts_at_rest::<f32>(), starts_at_rest::<f64>()];
+    println!("{started:?} have started");
+    assert!(started.iter().all(|&count| count > random_tests(1000).cases as usize / 20));
 }
 
 /// Once around a course: every tick certified, in one part, and near the solution of the very same

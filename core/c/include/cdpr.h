@@ -210,7 +210,7 @@ typedef struct {
     // A fold that would be reached sooner than this is refused, s: see `CDPR_CODE_FOLD_AHEAD`.
     float fold_horizon_s;
     // Largest `existence_n` of a cable that is accepted, N: rounding leaves about 0.05 in f32 with a load of
-    // 70 kg, and 1e-9 in f64.
+    // 70 kg, and 1e-10 in f64.
     float largest_error_n;
     // Limits of the cables.
     cdpr_f32_cable_limits cables[CDPR_CABLES];
@@ -263,7 +263,7 @@ typedef struct {
 typedef struct {
     // Kantorovich's h: at most 1/4.
     float h;
-    // Contraction over the ball and all poses since the last command: at most 0.45.
+    // Contraction over the ball and all poses since the last command: at most 0.44.
     float contraction;
     // There is a solution at which no cable's force is further from the command than this, N along its force curve.
     float existence_n[CDPR_CABLES];
@@ -365,7 +365,7 @@ typedef struct {
     // A fold that would be reached sooner than this is refused, s: see `CDPR_CODE_FOLD_AHEAD`.
     double fold_horizon_s;
     // Largest `existence_n` of a cable that is accepted, N: rounding leaves about 0.05 in f32 with a load of
-    // 70 kg, and 1e-9 in f64.
+    // 70 kg, and 1e-10 in f64.
     double largest_error_n;
     // Limits of the cables.
     cdpr_f64_cable_limits cables[CDPR_CABLES];
@@ -418,7 +418,7 @@ typedef struct {
 typedef struct {
     // Kantorovich's h: at most 1/4.
     double h;
-    // Contraction over the ball and all poses since the last command: at most 0.45.
+    // Contraction over the ball and all poses since the last command: at most 0.44.
     double contraction;
     // There is a solution at which no cable's force is further from the command than this, N along its force curve.
     double existence_n[CDPR_CABLES];

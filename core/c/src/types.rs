@@ -93,7 +93,7 @@ pub struct Settings<T> {
     /// A fold that would be reached sooner than this is refused, s: see `CDPR_CODE_FOLD_AHEAD`.
     pub fold_horizon_s: T,
     /// Largest `existence_n` of a cable that is accepted, N: rounding leaves about 0.05 in f32 with a load of
-    /// 70 kg, and 1e-9 in f64.
+    /// 70 kg, and 1e-10 in f64.
     pub largest_error_n: T,
     /// Limits of the cables.
     pub cables: [CableLimits<T>; CDPR_CABLES],
@@ -140,7 +140,7 @@ pub struct CableCommand<T> {
 pub struct Certificate<T> {
     /// Kantorovich's h: at most 1/4.
     pub h: T,
-    /// Contraction over the ball and all poses since the last command: at most 0.45.
+    /// Contraction over the ball and all poses since the last command: at most 0.44.
     pub contraction: T,
     /// There is a solution at which no cable's force is further from the command than this, N along its force curve.
     pub existence_n: [T; CDPR_CABLES],

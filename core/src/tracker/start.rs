@@ -3,15 +3,14 @@
 use nalgebra::Vector2;
 
 use super::{Command, Purpose, Refusal, SetPoint, Solution, Tracker, TrackerSettings, Twist};
-use crate::certificate::Move;
+use crate::certificate::{Move, load_rounding};
 use crate::table::{self, COORDINATES, Table, TableFault};
 use crate::{CABLES, CableState, Charted, Fault, Load, Pose, Real, Robot, ShapedCable};
 
 /// Newton steps of [`Tracker::start`].
 pub const START_STEPS: u8 = 20;
 
-/// A start has settled when a step is below this many rounding units of the tensions: what rounding
-/// times the condition of a good posture leaves.
+/// From a step on that is below this many rounding units of the tensions a start may be proven.
 const START_STEP: f64 = 4096.0;
 
 /// A part of a way that is proven is followed by one that is longer by this factor, one that is not by one that is shorter.
@@ -25,7 +24,7 @@ const LARGEST_TURN: f64 = 1.0 / 16.0;
 
 impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     /// Starts at the solution that Newton's method finds from `states`, at most [`START_STEPS`] steps
-    /// away. That it is the branch wanted is the caller's to know; from here on it is kept.
+    /// away, each of which may be followed by one that is to be proven. That it is the branch wanted is the caller's to know; from here on it is kept.
     ///
     /// # Errors
     /// [`Fault`].
@@ -80,8 +79,6 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                 let (way, states) = near.ok_or(refused)?;
                 let mut tracker = Self::at(robot, load, settings, set_point, &states)?;
                 tracker.go(&way, &states, way_parts).ok_or(refused)?;
-                // What a command is compared with is a solution, not the end of a prediction.
-                tracker.stay(set_point, Purpose::Part).map_err(Refusal::fault)?;
                 tracker.stay(set_point, Purpose::Command).map_err(Refusal::fault)?;
                 Ok(tracker)
             }
@@ -120,14 +117,15 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
             ..settings
         };
         let now = Solution { pose: set_point.pose, command: Command::at(states) };
-        let tracker = Self { robot, load, settings, now };
+        let load_rounding = load_rounding(&load, robot.per_moment_arm_m());
+        let tracker = Self { robot, load, settings, load_rounding, now };
         tracker.check(set_point)?;
         Ok(tracker)
     }
 
     /// Makes steps where it is until one that is as small as rounding is proven, and then one for a purpose, which is.
     fn settle(&mut self, set_point: &SetPoint<T>, purpose: Purpose) -> Result<(), Fault<T>> {
-        let mut contraction = T::HUGE;
+        let mut refused = Fault::NotCertified { contraction: T::HUGE };
         let settled = T::constant(START_STEP) * T::EPSILON;
         for _ in 0..START_STEPS {
             // The steps follow each other without prediction.
@@ -140,20 +138,23 @@ impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
                 self.stay(set_point, Purpose::Start).map_err(Refusal::fault)?;
             if step_n <= settled * tensions_n {
                 self.forget();
-                match self.stay(set_point, purpose) {
-                    Ok(_) => return Ok(()),
-                    // A smaller step may be proven.
-                    Err(Refusal::Unproven { contraction: found }) => contraction = found,
-                    Err(Refusal::Fault(fault)) => return Err(fault),
+                let Err(refusal) = self.stay(set_point, purpose) else { return Ok(()) };
+                refused = refusal.fault();
+                // A smaller step may be proven, and to be closer.
+                let goes_on =
+                    matches!(refused, Fault::NotCertified { .. } | Fault::ResidualNotMet { .. });
+                if !goes_on {
+                    break;
                 }
             }
         }
-        Err(Fault::NotCertified { contraction })
+        Err(refused)
     }
 
-    /// What is proven at a start is not about a solution that was known before.
+    /// What is known of one iterate is nothing that was proven of a solution before, or on the way to a fold.
     fn forget(&mut self) {
         self.now.command.certificate.existence_n = [T::zero(); CABLES];
+        self.now.command.distance = T::zero();
     }
 
     /// A step where it is.

@@ -293,7 +293,7 @@ fn run_schema() -> serde_json::Value {
             "model_error_m": number("of that, what the controller believes of cables and load, m"),
             "winches_error_m": number("of that, what the winches do not follow, m"),
             "dynamic_error_m": number("what swings, m"),
-            "contraction": number("of the certificate; below 0.45"),
+            "contraction": number("of the certificate; below 0.44"),
             "distance": number("distance to a singularity"),
             "length_m": six("rest lengths paid out, m"),
             "commanded_length_m": six("rest lengths of the last certified command, m"),

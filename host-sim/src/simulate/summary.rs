@@ -81,7 +81,7 @@ pub struct Summary {
     pub ticks_in: [u64; 5],
     /// Periods in which the winches were told lengths of a certified command.
     pub certified: u64,
-    /// Largest contraction of a certificate; below 0.45 it is one.
+    /// Largest contraction of a certificate; below 0.44 it is one.
     pub largest_contraction: f64,
     /// Least distance to a singularity.
     pub least_distance: f64,
