@@ -56,7 +56,7 @@ mod image {
         total: u64,
         /// The dearest.
         worst: u32,
-        /// Ticks that were not done when the next was due.
+        /// Ticks that were not done when the next was due, for another reason than a recovery.
         overruns: u32,
         /// Reports that found the queue full.
         dropped: u32,
@@ -69,6 +69,8 @@ mod image {
         summary: Summary<Float>,
         counter: Counter,
         cost: Cost,
+        /// A recovery has taken longer than a tick, and what was due since is not done yet.
+        is_late: bool,
         reports: Producer<'static, Report>,
     }
 
@@ -121,11 +123,13 @@ mod image {
             }
 
             self.cost.total += u64::from(cost);
-            // A recovery takes longer than a tick and may: the brakes are closed, nothing waits for it.
+            // A recovery takes longer than a tick and may, and what follows is then late until it has caught up: the brakes
+            // are closed, nothing waits for it.
+            let is_next_due = SCB::is_pendst_pending();
+            self.is_late = is_next_due && (is_recovery || self.is_late);
+            self.cost.overruns += u32::from(is_next_due && !self.is_late);
             if !is_recovery {
                 self.cost.worst = self.cost.worst.max(cost);
-                // The next tick is due already.
-                self.cost.overruns += u32::from(SCB::is_pendst_pending());
             }
             if tick == TICKS {
                 let (summary, cost) = (self.summary, self.cost);
@@ -171,6 +175,7 @@ mod image {
             summary: Summary::new(),
             counter: Counter::start(),
             cost: Cost { total: 0, worst: 0, overruns: 0, dropped: 0 },
+            is_late: false,
             reports,
         })?;
         critical_section::with(|cs| HANDOVER.borrow(cs).set(Some(law)));

@@ -24,7 +24,8 @@ const LARGEST_TURN: f64 = 1.0 / 16.0;
 
 impl<T: Real, M: ShapedCable<T>> Tracker<T, M> {
     /// Starts at the solution that Newton's method finds from `states`, at most [`START_STEPS`] steps
-    /// away, each of which may be followed by one that is to be proven. That it is the branch wanted is the caller's to know; from here on it is kept.
+    /// away, each of which may be followed by one that is to be proven. That it is the branch wanted is the caller's to
+    /// know; from here on it is kept.
     ///
     /// # Errors
     /// [`Fault`].

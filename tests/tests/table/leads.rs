@@ -216,8 +216,8 @@ fn everywhere_it_leads_to_the_proven_solution_of_its_sheet() {
     // at its end. None of 2000 was.
     let at_most = cases / 1000;
     assert!(count.undecided <= at_most && count.lost <= at_most, "{count:?}");
-    // The tracker's certificate in f32 refuses to start at 12 of 2000, where cables are between taut and slack.
-    assert!(count.uncertified <= cases / 100, "{count:?}");
+    // The tracker's certificate in f32 refuses to start at 1 of 2000, where cables are between taut and slack.
+    assert!(count.uncertified <= cases / 400, "{count:?}");
 }
 
 /// A cubic metre across a fold: cells go up to planes close before it.
