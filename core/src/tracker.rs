@@ -487,6 +487,26 @@ impl<T: Real> CableLimits<T> {
 }
 
 impl<T: Real> TrackerSettings<T> {
+    /// Those with which a tracker refuses only what it cannot prove: where no winch follows, as in tests and offline.
+    #[must_use]
+    pub fn unlimited(period_s: T) -> Self {
+        let cable = CableLimits {
+            shortest_m: T::zero(),
+            longest_m: T::HUGE,
+            fastest_m_s: T::HUGE,
+            lowest_tension_n: T::zero(),
+            highest_tension_n: T::HUGE,
+        };
+        Self {
+            period_s,
+            largest_move_m: T::HUGE,
+            least_distance: T::zero(),
+            fold_horizon_s: T::zero(),
+            largest_error_n: T::HUGE,
+            cables: [cable; CABLES],
+        }
+    }
+
     /// Refuses a solution near a singularity, and one on the way to a fold; `before` is the distance of
     /// the last one.
     #[inline]

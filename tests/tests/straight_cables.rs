@@ -4,8 +4,8 @@
 use cdpr_core::newton::converge;
 use cdpr_core::statics::Balance;
 use cdpr_core::{
-    CABLES, Cable, CableLimits, CableModel, CableState, CurvePoint, LinearElastic, Load, Pose,
-    Real, Robot, SetPoint, Tracker, TrackerSettings, Twist,
+    CABLES, Cable, CableModel, CableState, CurvePoint, LinearElastic, Load, Pose, Real, Robot,
+    SetPoint, Tracker, TrackerSettings, Twist,
 };
 use cdpr_firmware_example::Number;
 use cdpr_tests::random::{self, log_uniform, uniform};
@@ -79,24 +79,6 @@ fn hung(rng: &mut impl Rng) -> Option<Hung> {
     Some(Hung { robot, load, position_m, states })
 }
 
-fn unlimited<T: Real>() -> TrackerSettings<T> {
-    let cable = CableLimits {
-        shortest_m: T::zero(),
-        longest_m: T::HUGE,
-        fastest_m_s: T::HUGE,
-        lowest_tension_n: T::zero(),
-        highest_tension_n: T::HUGE,
-    };
-    TrackerSettings {
-        period_s: T::constant(1e-3),
-        largest_move_m: T::one(),
-        least_distance: T::zero(),
-        fold_horizon_s: T::zero(),
-        largest_error_n: T::HUGE,
-        cables: [cable; CABLES],
-    }
-}
-
 /// A tick of which no twist tells, so that its prediction is where it was: the error as a part of what is certified. `None`
 /// where nothing is.
 fn share<T: Number + Into<f64>>(case: u64) -> Option<f64> {
@@ -122,8 +104,14 @@ fn share<T: Number + Into<f64>>(case: u64) -> Option<f64> {
     let there_m = there_m.map(rounded);
     let at = |position_m| SetPoint { pose: pose(position_m), twist: Twist::none() };
     let robot = Robot::new(cables).ok()?;
-    let mut tracker =
-        Tracker::start(robot, load, unlimited(), &at(hung.position_m), &states).ok()?;
+    let mut tracker = Tracker::start(
+        robot,
+        load,
+        TrackerSettings::unlimited(T::constant(1e-3)),
+        &at(hung.position_m),
+        &states,
+    )
+    .ok()?;
     let command = tracker.tick(&at(there_m)).ok()?;
     let found = command.cables.each_ref().map(|cable| CableState {
         force_n: cable.force_n.map(Into::into),

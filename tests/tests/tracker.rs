@@ -136,23 +136,10 @@ impl Place {
     }
 }
 
-/// Nothing but the certificate refuses.
+/// Nothing but the certificate refuses moves of up to so much.
 fn unlimited<T: Real>(largest_move_m: f64) -> TrackerSettings<T> {
-    let c = T::constant;
-    TrackerSettings {
-        period_s: c(PERIOD_S),
-        largest_move_m: c(largest_move_m),
-        least_distance: T::zero(),
-        fold_horizon_s: T::zero(),
-        largest_error_n: c(1e6),
-        cables: [CableLimits {
-            shortest_m: T::zero(),
-            longest_m: c(1e9),
-            fastest_m_s: c(1e9),
-            lowest_tension_n: T::zero(),
-            highest_tension_n: c(1e9),
-        }; CABLES],
-    }
+    let largest_move_m = T::constant(largest_move_m);
+    TrackerSettings { largest_move_m, ..TrackerSettings::unlimited(T::constant(PERIOD_S)) }
 }
 
 fn typed<T: Real>(states: &[CableState<f64>; CABLES]) -> [CableState<T>; CABLES] {

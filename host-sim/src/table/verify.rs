@@ -4,8 +4,8 @@ use cdpr_core::chart::{ChartStep, Charted as _, Start};
 use cdpr_core::statics::Balance;
 use cdpr_core::table::{TOLERANCE, Table, TableFault};
 use cdpr_core::{
-    CABLES, CableLimits as WinchLimits, CableState, IrvineCatenary, Load, Pose, Real, Robot,
-    SetPoint, Tracker, TrackerSettings, Twist,
+    CABLES, CableState, IrvineCatenary, Load, Pose, Real, Robot, SetPoint, Tracker,
+    TrackerSettings, Twist,
 };
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt as _, SeedableRng as _};
@@ -165,7 +165,14 @@ impl Check<'_> {
         let set_point = SetPoint { pose, twist: Twist::none() };
         let (robot, load) = controller;
         let start = |way_parts: u16| {
-            Tracker::start_from(*robot, *load, unlimited(), &set_point, self.table, way_parts)
+            Tracker::start_from(
+                *robot,
+                *load,
+                TrackerSettings::unlimited(T::one()),
+                &set_point,
+                self.table,
+                way_parts,
+            )
         };
         match self.table.states(robot, load, &pose) {
             Ok(states) => {
@@ -263,23 +270,4 @@ fn wide<T: Real + Into<f64>>(states: States<T>) -> States<f64> {
         force_n: state.force_n.map(Into::into),
         rest_length_m: state.rest_length_m.into(),
     })
-}
-
-/// Settings of a tracker that refuses only what it cannot prove.
-fn unlimited<T: Real>() -> TrackerSettings<T> {
-    let cable = WinchLimits {
-        shortest_m: T::zero(),
-        longest_m: T::HUGE,
-        fastest_m_s: T::HUGE,
-        lowest_tension_n: T::zero(),
-        highest_tension_n: T::HUGE,
-    };
-    TrackerSettings {
-        period_s: T::one(),
-        largest_move_m: T::HUGE,
-        least_distance: T::zero(),
-        fold_horizon_s: T::zero(),
-        largest_error_n: T::HUGE,
-        cables: [cable; CABLES],
-    }
 }

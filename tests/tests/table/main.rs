@@ -7,8 +7,8 @@ use std::sync::LazyLock;
 use cdpr_core::chart::Start;
 use cdpr_core::table::{COORDINATES, Gap, Table, TableFault};
 use cdpr_core::{
-    CABLES, Cable, CableLimits, CableState, IrvineCatenary, Load, Pose, Real, Robot, SetPoint,
-    TrackerSettings, Twist,
+    CABLES, Cable, CableState, IrvineCatenary, Load, Pose, Real, Robot, SetPoint, TrackerSettings,
+    Twist,
 };
 use cdpr_firmware_example::path::TAUT;
 use cdpr_firmware_example::robot;
@@ -351,22 +351,10 @@ fn apart(a: &[CableState<f64>; CABLES], b: &[CableState<f64>; CABLES]) -> f64 {
     each.fold(0.0, f64::max) / sum_n
 }
 
-/// Nothing but the certificate refuses.
+/// Nothing but the certificate refuses small moves.
 fn unlimited<T: Real>() -> TrackerSettings<T> {
-    TrackerSettings {
-        period_s: T::constant(1e-3),
-        largest_move_m: T::constant(4e-3),
-        least_distance: T::zero(),
-        fold_horizon_s: T::zero(),
-        largest_error_n: T::constant(1e6),
-        cables: [CableLimits {
-            shortest_m: T::zero(),
-            longest_m: T::constant(1e9),
-            fastest_m_s: T::constant(1e9),
-            lowest_tension_n: T::zero(),
-            highest_tension_n: T::constant(1e9),
-        }; CABLES],
-    }
+    let largest_move_m = T::constant(4e-3);
+    TrackerSettings { largest_move_m, ..TrackerSettings::unlimited(T::constant(1e-3)) }
 }
 
 fn still<T: Real>(pose: Pose<T>) -> SetPoint<T> {
