@@ -418,8 +418,8 @@ const FORCE_ROUNDINGS: f64 = 11.0;
 /// Of the force of the load: 2 halves, and 6 in the sum. Of its moment 10, for its arm is off by 5, and 6: twice as many.
 const LOAD_ROUNDINGS: f64 = 4.0;
 
-/// Of the end of a cable: 1.8 units of its length are the most that was found for the end-point map as it moves the force,
+/// Of the end of a cable: 2.7 units of its length are the most that was found for the end-point map as it moves the force,
 /// and the attachment is off by a half for each of the two sums that make it, and by the lever arm; each moves a force with
 /// a wrench of `sqrt 2`. Beside its plane a force follows the end by no more than it does in the plane: see the contract of
 /// [`ShapedCable`].
-const END_ROUNDINGS: f64 = 3.5;
+const END_ROUNDINGS: f64 = 4.0;
