@@ -6,11 +6,18 @@
 use core::hint::black_box;
 
 use cdpr_core::controller::{ControllerSettings, MotionLimits, Pace, Readings, Stance, WayPoint};
+use cdpr_core::winch::{DrumDesign, Sense};
 use cdpr_core::{
     CABLES, Cable, CableLimits, CableState, GeometryFault, IrvineCatenary, Load, Real, Robot,
     SetPoint, TrackerSettings, Twist,
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+/// The numbers of an image whose size counts.
+#[cfg(not(feature = "f64"))]
+pub(crate) type Float = f32;
+#[cfg(feature = "f64")]
+pub(crate) type Float = f64;
 
 pub(crate) fn number<T: Real>() -> T {
     black_box(T::one())
@@ -104,5 +111,16 @@ pub(crate) fn controller_settings<T: Real>() -> ControllerSettings<T> {
         following_m: number(),
         brake_ticks: black_box(3),
         brake_after_ticks: black_box(Some(3)),
+    })
+}
+
+pub(crate) fn drum_design() -> DrumDesign {
+    black_box(DrumDesign {
+        radius_m: 1.0,
+        pitch_m: 1.0,
+        gear: 1.0,
+        sense: Sense::Forward,
+        winding_tension_n: 1.0,
+        compliance_per_n: 1.0,
     })
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use cdpr_core::{CABLES, Cable, Load, Robot};
+use cdpr_core::{CABLES, Cable, Load, Real, Robot};
 use cdpr_host_sim::enumerate::{ModelKind, Request};
 use cdpr_host_sim::robot_file::{CableLimits, CableMaterial, RobotDescription};
 use nalgebra::Vector3;
@@ -153,4 +153,17 @@ pub fn uniform(rng: &mut impl Rng, [least, largest]: [f64; 2]) -> f64 {
 /// Log-uniform in a range.
 pub fn log_uniform(rng: &mut impl Rng, range: [f64; 2]) -> f64 {
     uniform(rng, range.map(f64::ln)).exp()
+}
+
+/// To the nearest f32, so that it is the same number in every type.
+#[must_use]
+#[allow(clippy::cast_possible_truncation)]
+pub fn rounded(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
+/// In another type.
+#[must_use]
+pub fn vector<T: Real>(v: Vector3<f64>) -> Vector3<T> {
+    v.map(|x| T::constant(x))
 }

@@ -8,23 +8,13 @@ use cdpr_core::{
     SetPoint, Tracker, TrackerSettings, Twist,
 };
 use cdpr_firmware_example::Number;
-use cdpr_tests::random::{self, log_uniform, uniform};
+use cdpr_tests::random::{self, log_uniform, rounded, uniform, vector};
 use cdpr_tests::random_tests;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 use rand::Rng;
 use rayon::prelude::*;
 
 type Model<T> = LinearElastic<T>;
-
-/// To the nearest f32, so that robots and loads are the same in both types.
-#[allow(clippy::cast_possible_truncation)]
-fn rounded(x: f64) -> f64 {
-    f64::from(x as f32)
-}
-
-fn vector<T: Real>(v: Vector3<f64>) -> Vector3<T> {
-    v.map(|x| T::constant(x))
-}
 
 fn anywhere(rng: &mut impl Rng, sizes_m: [f64; 2]) -> Vector3<f64> {
     let size_m = log_uniform(rng, sizes_m);

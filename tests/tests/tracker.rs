@@ -16,7 +16,7 @@ use cdpr_host_sim::complete::{Proof, complete};
 use cdpr_host_sim::enumerate::Request;
 use cdpr_host_sim::problem::{FromMaterial, Problem};
 use cdpr_host_sim::robot_file::{CableLimits as HostLimits, CableMaterial};
-use cdpr_tests::random;
+use cdpr_tests::random::{self, rounded, vector};
 use cdpr_tests::random_tests;
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
@@ -30,16 +30,6 @@ const PERIOD_S: f64 = 1e-3;
 trait Tested: Number + Into<f64> + std::fmt::Display {}
 impl Tested for f32 {}
 impl Tested for f64 {}
-
-/// To the nearest f32.
-#[allow(clippy::cast_possible_truncation)]
-fn rounded(x: f64) -> f64 {
-    f64::from(x as f32)
-}
-
-fn vector<T: Real>(v: Vector3<f64>) -> Vector3<T> {
-    v.map(|c| T::constant(c))
-}
 
 /// A robot with its load, the same numbers in every type.
 struct Crane {

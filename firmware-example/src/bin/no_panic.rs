@@ -15,6 +15,10 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+#[path = "../hidden.rs"]
+mod hidden;
+
+#[cfg(target_os = "none")]
 mod image {
     use core::fmt::{self, Display, Write};
     use core::hint::black_box;
@@ -24,11 +28,13 @@ mod image {
     use cdpr_core::newton::converge;
     use cdpr_core::statics::Balance;
     use cdpr_core::{
-        CABLES, Cable, CableLimits, CablePlane, CableState, CurvePoint, Elimination, Fault,
-        IrvineCatenary, LinearElastic, Load, NewtonStep, NonDeformable, Parabola, Pose, Real,
-        Robot, SetPoint, ShapedCable, Tracker, TrackerSettings, Twist,
+        CABLES, Cable, CablePlane, CableState, CurvePoint, Elimination, Fault, IrvineCatenary,
+        LinearElastic, Load, NewtonStep, NonDeformable, Parabola, Pose, Real, Robot, SetPoint,
+        ShapedCable, Tracker,
     };
-    use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
+    use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector2, Vector6};
+
+    use super::hidden::{self, number, vector};
 
     unsafe extern "C" {
         /// Defined nowhere.
@@ -93,7 +99,7 @@ mod image {
         black_box((state.tension_at_attachment_n(), state.tension_at_anchor_n(number())));
 
         let cables =
-            [(); CABLES].map(|()| Cable { anchor_m: vector3(), attachment_m: vector3(), model });
+            [(); CABLES].map(|()| Cable { anchor_m: vector(), attachment_m: vector(), model });
         let Some(robot) = show(Robot::new(black_box(cables))) else { return };
         black_box(robot.moment_arm_m());
         black_box(robot.map_models(|i, model| (black_box(i), black_box(*model))));
@@ -108,15 +114,9 @@ mod image {
             T::zero(),
             T::zero(),
         )));
-        let Some(pose) = show(Pose::new(vector3(), orientation)) else { return };
-        black_box((pose.position_m(), pose.turn(&vector3())));
-        let load = black_box(Load {
-            mass_kg: number(),
-            center_of_mass_m: vector3(),
-            gravity_m_s2: number(),
-            force_n: vector3(),
-            moment_nm: vector3(),
-        });
+        let Some(pose) = show(Pose::new(vector(), orientation)) else { return };
+        black_box((pose.position_m(), pose.turn(&vector())));
+        let load = black_box(hidden::load());
         black_box(load.wrench(&pose));
         let plane = black_box(CablePlane::new(robot, &robot.cables()[0], &pose, vector2()));
         black_box(plane.distance_m());
@@ -127,7 +127,7 @@ mod image {
         black_box(plane.wrench_n(&vector2()));
         black_box(balance.residual_n(&[(); CABLES].map(|()| vector2())));
 
-        let states = black_box([(); CABLES].map(|()| state()));
+        let states = black_box(hidden::states());
         if let Some(step) = show(NewtonStep::new(robot, &balance, &states)) {
             black_box((step.condition(), step.is_positive()));
         }
@@ -136,24 +136,9 @@ mod image {
     }
 
     fn tracker<T: Real, M: ShapedCable<T>>(robot: &Robot<T, M>, load: Load<T>, pose: Pose<T>) {
-        let limits = CableLimits {
-            shortest_m: number(),
-            longest_m: number(),
-            fastest_m_s: number(),
-            lowest_tension_n: number(),
-            highest_tension_n: number(),
-        };
-        let settings = TrackerSettings {
-            period_s: number(),
-            largest_move_m: number(),
-            least_distance: number(),
-            fold_horizon_s: number(),
-            largest_error_n: number(),
-            cables: black_box([limits; CABLES]),
-        };
-        let twist = Twist { linear_m_s: vector3(), angular_rad_s: vector3() };
-        let set_point = black_box(SetPoint { pose, twist });
-        let states = black_box([(); CABLES].map(|()| state()));
+        let settings = black_box(hidden::tracker_settings());
+        let set_point = black_box(SetPoint { pose, twist: hidden::twist() });
+        let states = black_box(hidden::states());
         let started = Tracker::start(*black_box(robot), load, settings, &set_point, &states);
         let Some(tracker) = told(started) else { return };
         let mut tracker = black_box(tracker);
@@ -183,16 +168,8 @@ mod image {
         }
     }
 
-    fn number<T: Real>() -> T {
-        black_box(T::one())
-    }
-
     fn vector2<T: Real>() -> Vector2<T> {
         Vector2::new(number(), number())
-    }
-
-    fn vector3<T: Real>() -> Vector3<T> {
-        Vector3::new(number(), number(), number())
     }
 
     fn state<T: Real>() -> CableState<T> {

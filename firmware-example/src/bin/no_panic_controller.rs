@@ -19,9 +19,9 @@ mod image {
     use cdpr_core::controller::Controller;
     use cdpr_core::controller::monitor::{MonitorThresholds, TensionMonitor};
     use cdpr_core::winch::{
-        As5047p, Brake, Countable, Drum, DrumDesign, EmergencyStop, MotorAngle, MotorEncoder,
-        Sense, StepCounter, StepDir, StepDrive, StepLink, StepTiming, VelocityDrive,
-        VelocitySettings, Winch,
+        As5047p, Brake, Countable, Drum, EmergencyStop, MotorAngle, MotorEncoder, Sense,
+        StepCounter, StepDir, StepDrive, StepLink, StepTiming, VelocityDrive, VelocitySettings,
+        Winch,
     };
     use cdpr_core::{CABLES, Real, SetPoint, Table, Tracker};
     use embedded_hal::digital::{ErrorKind, ErrorType, InputPin, OutputPin, PinState};
@@ -157,14 +157,7 @@ mod image {
     /// Both kinds of winch.
     fn winches<T: Countable>() -> Option<()> {
         let angle = || black_box(MotorAngle::ZERO);
-        let design = black_box(DrumDesign {
-            radius_m: 1.0,
-            pitch_m: 1.0,
-            gear: 1.0,
-            sense: Sense::Forward,
-            winding_tension_n: 1.0,
-            compliance_per_n: 1.0,
-        });
+        let design = hidden::drum_design();
         let drum = told(Drum::<T>::new(&design, number(), angle()))?;
         let steps = NonZeroU32::new(black_box(5))?;
         black_box((angle().counts(steps), MotorAngle::from_counts(black_box(4), steps)));

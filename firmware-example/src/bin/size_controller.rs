@@ -14,15 +14,10 @@ mod image {
     use core::hint::black_box;
     use core::panic::PanicInfo;
 
-    use cdpr_core::winch::{Drum, DrumDesign, MotorAngle, Sense};
+    use cdpr_core::winch::{Drum, MotorAngle};
     use cdpr_core::{CABLES, Controller, IrvineCatenary, Table};
 
-    use super::hidden::{self, number};
-
-    #[cfg(not(feature = "f64"))]
-    type Float = f32;
-    #[cfg(feature = "f64")]
-    type Float = f64;
+    use super::hidden::{self, Float, number};
 
     #[panic_handler]
     fn panic(_: &PanicInfo<'_>) -> ! {
@@ -49,14 +44,7 @@ mod image {
             black_box(8),
         )
         .ok()?;
-        let design = black_box(DrumDesign {
-            radius_m: 1.0,
-            pitch_m: 1.0,
-            gear: 1.0,
-            sense: Sense::Forward,
-            winding_tension_n: 1.0,
-            compliance_per_n: 1.0,
-        });
+        let design = hidden::drum_design();
         let mut drums =
             [Drum::<Float>::new(&design, number(), black_box(MotorAngle::ZERO)).ok()?; CABLES];
         for drum in &mut drums {

@@ -16,12 +16,7 @@ mod image {
 
     use cdpr_core::{IrvineCatenary, Tracker};
 
-    use super::hidden;
-
-    #[cfg(not(feature = "f64"))]
-    type Float = f32;
-    #[cfg(feature = "f64")]
-    type Float = f64;
+    use super::hidden::{self, Float};
 
     #[panic_handler]
     fn panic(_: &PanicInfo<'_>) -> ! {
